@@ -159,36 +159,29 @@ class Window(QMainWindow):
         self.setCentralWidget(self.middle)
 
     def _make_docks(self) -> None:
-        listed = CorrectionList(self.session, self.corrections, self.runner)
         left, below = Qt.DockWidgetArea.LeftDockWidgetArea, Qt.DockWidgetArea.BottomDockWidgetArea
         self.setCorner(Qt.Corner.BottomLeftCorner, left)
         self._dock("steps", self.tr("Steps"), self.pages, left)
         timeline = self._dock("timeline", self.tr("Timeline"), self.timeline, below)
-        self.tabifyDockWidget(timeline, self._dock("curves", self.tr("Curves"), self.curves, below))
+        self._dock("curves", self.tr("Curves"), self.curves, timeline)
         self.marker_curves = MarkerCurves(self.session, self.timeline.span, self.corrections.apply)
-        self.marker_curves_dock = self._dock("marker_curves", self.tr("Markers"), self.marker_curves, below)
-        self.tabifyDockWidget(timeline, self.marker_curves_dock)
+        self.marker_curves_dock = self._dock("marker_curves", self.tr("Markers"), self.marker_curves, timeline)
         timeline.raise_()
-        right = Qt.DockWidgetArea.RightDockWidgetArea
-        corrections = self._dock("corrections", self.tr("Corrections"), listed, right)
+        listed = CorrectionList(self.session, self.corrections, self.runner)
+        corrections = self._dock("corrections", self.tr("Corrections"), listed, Qt.DockWidgetArea.RightDockWidgetArea)
         self.outline = Outline(self.session, self.corrections)
-        self._outline_dock = self._dock("outline", self.tr("Names"), self.outline, right)
-        self.tabifyDockWidget(corrections, self._outline_dock)
+        self._outline_dock = self._dock("outline", self.tr("Names"), self.outline, corrections)
         self.labelling = LabellingPane(self.document, self.corrections, self.runner)
-        self.labelling_dock = self._dock("labelling", self.tr("Labelling"), self.labelling, right)
-        self.tabifyDockWidget(corrections, self.labelling_dock)
+        self.labelling_dock = self._dock("labelling", self.tr("Labelling"), self.labelling, corrections)
         self.video = VideoPane(self.session, self.errors.report)
-        self.video_dock = self._dock("video", self.tr("Video"), self.video, Qt.DockWidgetArea.RightDockWidgetArea)
-        self.tabifyDockWidget(corrections, self.video_dock)
-        self.video_dock.hide()
-        self.comparison = self._dock("comparison", self.tr("Comparison"), ComparisonPanel(self.session), right)
-        self.tabifyDockWidget(corrections, self.comparison)
-        self.comparison.hide()
+        self.video_dock = self._dock("video", self.tr("Video"), self.video, corrections)
+        compared = ComparisonPanel(self.session)
+        self.comparison = self._dock("comparison", self.tr("Comparison"), compared, corrections)
         self.tutorial = Tutorial()
         self.tutorial.asked.connect(self._do)
-        tutorial = self._dock("tutorial", self.tr("First steps"), self.tutorial, Qt.DockWidgetArea.RightDockWidgetArea)
-        self.tabifyDockWidget(corrections, tutorial)
-        tutorial.hide()
+        tutorial = self._dock("tutorial", self.tr("First steps"), self.tutorial, corrections)
+        for dock in (self.video_dock, self.comparison, tutorial):
+            dock.hide()
         corrections.raise_()
 
     def _share_room(self) -> None:
@@ -210,13 +203,18 @@ class Window(QMainWindow):
         up = AXES.index(wanted) if wanted in AXES else None
         self.view3d.set_shown(replace(self.view3d.shown, up=up))
 
-    def _dock(self, name: str, title: str, widget: QWidget, area: Qt.DockWidgetArea) -> QDockWidget:
+    def _dock(self, name: str, title: str, widget: QWidget, where: Qt.DockWidgetArea | QDockWidget) -> QDockWidget:
+        """Make a dock in an area, or behind another one."""
         dock = QDockWidget(title, self)
         dock.setObjectName(name)
         dock.setWidget(widget)
         if isinstance(widget, PanelWhileSeen):
             dock.visibilityChanged.connect(widget.come_into_sight)
-        self.addDockWidget(area, dock)
+        if isinstance(where, QDockWidget):
+            self.addDockWidget(self.dockWidgetArea(where), dock)
+            self.tabifyDockWidget(where, dock)
+        else:
+            self.addDockWidget(where, dock)
         self.keys.watch(dock)
         return dock
 

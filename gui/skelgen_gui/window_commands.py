@@ -28,7 +28,7 @@ from skelgen_gui.project.other_files import ParameterFiles, SubjectActions
 from skelgen_gui.view3d.view import View3D
 from skelgen_gui.widgets.errors import versions
 from skelgen_gui.widgets.forms import stage_form
-from skelgen_gui.widgets.layouts import column
+from skelgen_gui.widgets.layouts import answer_buttons, column
 from skelgen_gui.widgets.painting import as_rich_text
 from skelgen_gui.widgets.preferences import Preferences, PreferenceValues
 from skelgen_gui.widgets.shortcuts import ShortcutsDialog, fill_menu_bar, fill_tool_bar
@@ -223,13 +223,10 @@ class PreferencesDialog(QDialog):
         super().__init__(parent)
         self._preferences = preferences
         self.form = stage_form(PreferenceValues, self)
-        standard = QDialogButtonBox.StandardButton
-        self.buttons = QDialogButtonBox(standard.Ok | standard.Cancel, parent=self)
+        self.buttons = answer_buttons(self, QDialogButtonBox.StandardButton.Ok)
         self.setWindowTitle(self.tr("Preferences"))
         self.setMinimumWidth(_WIDTH)
         column(self, (self.form, self.buttons))
-        self.buttons.accepted.connect(self.accept)
-        self.buttons.rejected.connect(self.reject)
         self.form.changed.connect(self._follow)
         self.form.set_values(preferences.values.as_mapping())
 

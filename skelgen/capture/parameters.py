@@ -1,8 +1,8 @@
-"""What a user can set about the capture: detection of balls, search for rigid bodies, the simulated rig."""
+"""What a user can set about the capture: detection of balls, search for rigid bodies."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar, Self
+from typing import ClassVar
 
 from skelgen.parameters import StageParameters, declare
 
@@ -26,6 +26,7 @@ class DetectionParameters(StageParameters):
     """
 
     stage: ClassVar[str] = "detection"
+    retired: ClassVar[Mapping[str, str]] = {"method": ""}
 
     bright_quantile: float = declare(
         0.9999, "Part of the image's pixels that is darker than the inside of the balls.", within=(0.9, 1.0)
@@ -70,19 +71,6 @@ class DetectionParameters(StageParameters):
         choices=("edge", "brightness"),
     )
 
-    @classmethod
-    def from_mapping(cls, values: Mapping[str, object], where: str = "") -> Self:
-        """Build parameters from names and values; see `StageParameters.from_mapping`.
-
-        Parameters
-        ----------
-        values : mapping of str to value
-            Settings of skelgen 0.1.0 may hold ``method``, which changed no result and is passed over.
-        where : str
-            Prefix for errors.
-        """
-        return super().from_mapping({name: value for name, value in values.items() if name != "method"}, where)
-
 
 @dataclass(frozen=True)
 class BodyParameters(StageParameters):
@@ -119,69 +107,4 @@ class BodyParameters(StageParameters):
         2000,
         "Edges from which a body is searched at most, the best first; a bound on the time of a frame.",
         within=(1, None),
-    )
-
-
-@dataclass(frozen=True)
-class RenderParameters(StageParameters):
-    """What balls, lamps, lenses and sensors of the simulated rig are like; the defaults are those of Gaschler (2011).
-
-    Attributes
-    ----------
-    diameter, limb_darkening
-        The balls.
-    brightness, bright_distance, lamp_offset, lamp_lobe, border_falloff
-        How bright a ball is, by its distance and its place in the image. Above 255 the sensor is saturated.
-    blur
-        What lens and sensor make of an edge.
-    background, noise, shot_noise
-        The sensor.
-    reflections, reflection_level
-        Dull metal in the scene.
-    """
-
-    stage: ClassVar[str] = "rig"
-
-    diameter: float = declare(14.0, "Diameter of the balls.", unit="mm", within=(0.5, 500.0), basic=True)
-    limb_darkening: float = declare(
-        0.4, "How much darker the rim of a ball is than its middle, as a part of it.", within=(0.0, 1.0)
-    )
-    brightness: float = declare(
-        400.0,
-        "Brightness of a ball in the middle of the image at the bright distance; above 255 the sensor saturates.",
-        unit="grey levels",
-        within=(0.0, 1e5),
-        basic=True,
-    )
-    bright_distance: float = declare(
-        1000.0, "Distance at which a ball has that brightness.", unit="mm", within=(10.0, 1e5)
-    )
-    lamp_offset: float = declare(
-        40.0,
-        "Distance of the lamps from the lens; near balls send part of the light past it.",
-        unit="mm",
-        within=(0.0, 1000.0),
-    )
-    lamp_lobe: float = declare(
-        4.0,
-        "Angle about the lamp within which balls send its light back (one standard deviation).",
-        unit="deg",
-        within=(0.1, 90.0),
-    )
-    border_falloff: float = declare(
-        5.0,
-        "Power of the cosine of the angle off the axis with which brightness falls towards the border.",
-        within=(0.0, 40.0),
-    )
-    blur: float = declare(0.7, "Standard deviation of the blur of lens and sensor.", unit="px", within=(0.1, 3.0))
-    background: float = declare(8.0, "Brightness of what is dark.", unit="grey levels", within=(0.0, 255.0))
-    noise: float = declare(
-        1.5, "Standard deviation of a dark pixel's noise.", unit="grey levels", within=(0.0, 50.0), basic=True
-    )
-    shot_noise: float = declare(
-        0.02, "Variance of a pixel that each grey level of light adds.", unit="grey levels", within=(0.0, 10.0)
-    )
-    reflections: int = declare(3, "Dull metal reflections in the scene.", within=(0, 1000))
-    reflection_level: float = declare(
-        45.0, "Brightness of the brightest reflection.", unit="grey levels", within=(0.0, 255.0)
     )

@@ -95,6 +95,12 @@ def unit_vectors(vectors: ArrayLike) -> Floats:
     return np.asarray(array / np.maximum(np.linalg.norm(array, axis=-1, keepdims=True), _NO_LENGTH))
 
 
+def frame_along(axis: Floats) -> Floats:
+    """Return rotations whose last columns are unit axes, shape (..., 3, 3); the other two are any."""
+    first = unit_vectors(np.cross(axis, np.eye(3)[np.abs(axis).argmin(axis=-1)]))
+    return np.stack([first, np.cross(axis, first), axis], axis=-1)
+
+
 def cross_matrix(vector: Floats) -> Floats:
     """Return the matrices [v]x with [v]x u = v x u, shape (..., 3, 3)."""
     out = np.zeros((*vector.shape[:-1], 3, 3))

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from skelgen.errors import InputError
-from skelgen.geometry.rotations import unit_vectors
+from skelgen.geometry.rotations import frame_along, unit_vectors
 from skelgen.model.arrays import Floats, Ints, check_fields, check_names
 from skelgen.model.topology import joint_children
 
@@ -286,9 +286,7 @@ def markers_around(segment: Floats, distance: float, n_markers: int, phase: floa
         raise InputError(f"{n_markers} markers per limb; it must be {_MIN_MARKERS} to {_MAX_MARKERS}")
     fractions = np.linspace(_FIRST_FRACTION, _LAST_FRACTION, n_markers)[:, np.newaxis]
     angles = (phase + _TURN_BETWEEN_MARKERS * np.arange(n_markers))[:, np.newaxis]
-    direction = unit_vectors(segment[1] - segment[0])
-    first = unit_vectors(np.cross(direction, np.eye(3)[np.argmin(np.abs(direction))]))
-    second = np.cross(direction, first)
+    first, second, _ = frame_along(unit_vectors(segment[1] - segment[0])).T
     on_axis = segment[0] + fractions * (segment[1] - segment[0])
     return np.asarray(on_axis + distance * (np.cos(angles) * first + np.sin(angles) * second))
 

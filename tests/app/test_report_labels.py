@@ -51,19 +51,20 @@ def test_project_that_does_not_know_how_sure_it_is_has_no_section():
 
 @pytest.mark.parametrize("kind", DOUBT_KINDS)
 def test_every_kind_of_doubt_has_a_remedy(kind):
-    row = report_content(build(doubts=doubts(1, kind))).labels.rows[0]
-    assert row.remedy == REMEDIES[kind]
-    assert row.reason == "reason <0>"
-    assert row.frames == "0"
+    project = build(doubts=doubts(1, kind))
+    ((_, doubt, remedy),) = report_content(project).labels.rows
+    assert remedy == REMEDIES[kind]
+    assert doubt.reason == "reason <0>"
+    assert '<td class="w">0</td>' in report_html(project)
 
 
 def test_the_longest_doubts_are_shown_in_order_of_time_and_the_rest_is_counted():
     labels = report_content(build(doubts=doubts(100))).labels
-    firsts = [int(row.frames.split()[0]) for row in labels.rows]
+    firsts = [doubt.first_frame for _, doubt, _ in labels.rows]
     assert len(labels.rows) == MOST_ROWS
     assert labels.more == 100 - MOST_ROWS
     assert firsts == sorted(firsts)
-    assert any(row.reason == "reason <99>" for row in labels.rows)
+    assert any(doubt.reason == "reason <99>" for _, doubt, _ in labels.rows)
 
 
 @pytest.mark.parametrize("kind", FINDING_KINDS)

@@ -20,7 +20,7 @@ from skelgen.capture.markers.candidates import CandidateStore
 from skelgen.capture.markers.correspondences import accept_best_first, evidence_over_time, find_markers, track_pairs
 from skelgen.capture.optics import match_and_triangulate
 from skelgen.capture.reference_rig import reference_rig
-from skelgen.capture.simulated_rig import scene_of_structure
+from skelgen.capture.simulated_rig.scene import scene_of_structure
 from skelgen.model.arrays import Bools
 from skelgen.model.rig import CaptureSettings
 

@@ -20,7 +20,7 @@ from threadpoolctl import threadpool_limits
 import skelgen
 from skelgen.model import Trajectories
 from skelgen.simulation import simulate
-from skelgen.stages.repair import Slip, find_slips
+from skelgen.stages.repair.slips import Slip, find_slips
 
 STRUCTURES = ("human", "human:4", "quadruped")
 SOFT_TISSUE = (0.0, 1.0, 2.0, 3.0)  # mm

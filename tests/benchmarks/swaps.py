@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits
 
 import skelgen
 from skelgen.simulation import simulate
-from skelgen.stages.repair import find_swaps, repair_swaps
+from skelgen.stages.repair.swaps import find_swaps, repair_swaps
 
 STRUCTURES = ("human", "human:4", "quadruped", "tree:8")
 SEEDS = range(6)

@@ -18,6 +18,7 @@ from skelgen_gui.capture.camera_views import CameraTable, CoverageView, Fit, Vie
 from skelgen_gui.capture.forms import ImageForm
 from skelgen_gui.capture.steps import Step
 from skelgen_gui.project.jobs import Jobs
+from skelgen_gui.widgets.fields import set_up_number
 from skelgen_gui.widgets.layouts import describe, row_of
 
 if TYPE_CHECKING:
@@ -61,10 +62,11 @@ class CameraStep(Step[BoardShot]):
         self._fits: dict[str, Fit] = {}
         self.found: StereoCalibration | None = None
         self.collection = ViewCollection()
-        self.form, self.take = BoardForm(self), QPushButton(self)
+        self.form, self.take = BoardForm(self), QPushButton(self.tr("Take this view"), self)
         self.coverage, self.views = CoverageView(self), ViewList(self)
         self.remove, self.clear = QPushButton(self.tr("Remove"), self), QPushButton(self.tr("Clear"), self)
-        self.calibrate, self.save = QPushButton(self.tr("Calibrate"), self), QPushButton(self)
+        self.calibrate = QPushButton(self.tr("Calibrate"), self)
+        self.save = QPushButton(self.tr("Save settings…"), self)
         self.cameras = CameraTable(self)
         self._describe()
         parts = (self.form, row_of(self.go, self.take), self.state, self.coverage, row_of(self.calibrate, self.save))
@@ -131,8 +133,6 @@ class CameraStep(Step[BoardShot]):
         self.run(self.tr("Saving"), work, done)
 
     def _describe(self) -> None:
-        self.take.setText(self.tr("Take this view"))
-        self.save.setText(self.tr("Save settings…"))
         self.state.setAccessibleName(self.tr("How many views there are, and what is missing"))
         for button, tip in (
             (self.take, self.tr("Keep the next pair that shows the whole board, even if it moves or is like others")),
@@ -141,7 +141,7 @@ class CameraStep(Step[BoardShot]):
             (self.calibrate, self.tr("Compute both cameras from these views")),
             (self.save, self.tr("Write the cameras into a settings file; bodies and joints of the one in use stay")),
         ):
-            describe(button, button.text(), tip)
+            button.setToolTip(tip)
 
     def _connect(self) -> None:
         self.take.clicked.connect(self._take_this)
@@ -260,7 +260,8 @@ class BoardForm(ImageForm):
         self.fields.addRow(self.tr("Board"), corners)
         self.fields.addRow(self.tr("Square"), self.square)
         self.add_source(self.tr("cameras, a folder, a list or videos"))
-        self.add_buttons()
+        tip = self.tr("Try it without cameras: a board moves before the simulated rig")
+        self.add_buttons(self.tr("Simulated board"), self.tr("Look at a simulated board"), tip)
         self._describe()
         for box in (self.columns, self.rows):
             box.valueChanged.connect(self.changed)
@@ -281,15 +282,10 @@ class BoardForm(ImageForm):
             box.setRange(3, _MOST_CORNERS)
             box.setValue(value)
             describe(box, name, tip)
-        self.square.setRange(0.1, _LARGEST_SQUARE)
-        self.square.setDecimals(3)
+        set_up_number(self.square, (0.1, _LARGEST_SQUARE), 3, self.tr(" mm"))
         self.square.setValue(25.0)
-        self.square.setSuffix(self.tr(" mm"))
         self.square.setAccessibleName(self.tr("Side of a square"))
         self.square.setToolTip(self.tr("Measure over several squares: all lengths in later captures rest on it"))
-        self.simulated.setText(self.tr("Simulated board"))
-        self.simulated.setAccessibleName(self.tr("Look at a simulated board"))
-        self.simulated.setToolTip(self.tr("Try it without cameras: a board moves before the simulated rig"))
 
     def _choose_simulation(self) -> None:
         self.columns.setValue(9)

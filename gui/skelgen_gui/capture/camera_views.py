@@ -16,6 +16,7 @@ from skelgen.capture.calibration.chessboard import LEAST_CORNERS, BoardView, cov
 from skelgen.capture.calibration.verdict import REPEAT, Verdict
 from skelgen.model.arrays import Floats
 from skelgen_gui.capture.results import ValueTable
+from skelgen_gui.widgets.layouts import wrap
 from skelgen_gui.widgets.painting import PROBLEM_ROLE, blended, draw_points, is_dark
 
 if TYPE_CHECKING:
@@ -175,10 +176,8 @@ class VerdictLabel(QLabel):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self.setWordWrap(True)
-        self.setTextFormat(Qt.TextFormat.PlainText)
+        wrap(self, self.tr("Verdict on the calibration"))
         self.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
-        self.setAccessibleName(self.tr("Verdict on the calibration"))
 
     def show_verdict(self, verdict: Verdict) -> None:
         """Show a verdict."""

@@ -9,18 +9,17 @@ from PySide6.QtWidgets import (
     QComboBox,
     QFileDialog,
     QFormLayout,
-    QHBoxLayout,
     QLineEdit,
     QMenu,
     QPushButton,
     QSizePolicy,
     QSpinBox,
-    QToolButton,
     QWidget,
 )
 
 from skelgen.app.capture_jobs.messages import SIMULATED, SIMULATED_ROOM, CaptureOptions
 from skelgen.capture.sources import SOURCES
+from skelgen_gui.widgets.fields import Expander, choose_button, keep_narrow
 from skelgen_gui.widgets.layouts import bare_column, describe, row_of
 
 # A target that is turned before the simulated rig for 20 seconds, as cameras would deliver it
@@ -55,17 +54,13 @@ class FileField(QWidget):
 
     def __init__(self, title: str, tip: str, kinds: str, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self._title, self._kinds = title, kinds
-        self.line, self.browse = QLineEdit(self), QPushButton(self.tr("Choose…"), self)
+        self.line = QLineEdit(self)
+        self.browse = choose_button(self.line, title, kinds)
         describe(self.line, title, tip)
         describe(self.browse, self.tr("Choose: {0}").format(title), tip)
-        layout = QHBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.addWidget(self.line, 1)
-        layout.addWidget(self.browse)
+        bare_column(self, [row_of(self.line, self.browse)])
         self.setFocusProxy(self.line)
         self.line.textChanged.connect(self.changed)
-        self.browse.clicked.connect(self._choose)
 
     @property
     def path(self) -> str:
@@ -75,11 +70,6 @@ class FileField(QWidget):
     def show_path(self, path: str) -> None:
         """Show another path."""
         self.line.setText(path)
-
-    def _choose(self) -> None:
-        name, _ = QFileDialog.getOpenFileName(self, self._title, self.path, self._kinds)
-        if name:
-            self.show_path(name)
 
 
 class SourceField(QComboBox):
@@ -95,8 +85,7 @@ class SourceField(QComboBox):
         super().__init__(parent)
         self.setEditable(True)
         self.setInsertPolicy(QComboBox.InsertPolicy.NoInsert)
-        self.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
-        self.setMinimumContentsLength(12)
+        keep_narrow(self, 12)
         for kind in SOURCES:
             self.addItem(kind.example)
             self.setItemData(self.count() - 1, kind.help, Qt.ItemDataRole.ToolTipRole)
@@ -200,9 +189,16 @@ class ImageForm(QWidget):
         self.source.show_hint(hint)
         self.fields.addRow(self.tr("Source"), self.source)
 
-    def add_buttons(self) -> None:
-        """Add the buttons that take a folder, and simulated images."""
-        self.folder, self.simulated = FolderButton(self), QPushButton(self)
+    def add_buttons(self, text: str, name: str, tip: str) -> None:
+        """Add the buttons that take a folder, and simulated images.
+
+        Parameters
+        ----------
+        text, name, tip : str
+            Of the button for simulated images: what stands on it, what it does, and what for.
+        """
+        self.folder, self.simulated = FolderButton(self), QPushButton(text, self)
+        describe(self.simulated, name, tip)
         self.fields.addRow("", row_of(self.folder, self.simulated, room=True))
         self.folder.chosen.connect(self.take_source)
 
@@ -212,8 +208,31 @@ class ImageForm(QWidget):
         self.start_wanted.emit()
 
 
-class LiveChoice(ImageForm):
-    """The form above a live capture.
+class AdvancedFields(QWidget):
+    """Fields that most captures do not need, behind a button that shows them.
+
+    Parameters
+    ----------
+    fields : iterable of tuple of str and QWidget
+        Title and field of each row; a box that says what it is has no title.
+    parent : QWidget, optional
+        Parent widget.
+    """
+
+    def __init__(self, fields: Iterable[tuple[str, QWidget]], parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        box = QWidget(self)
+        self.expander = Expander(box, self.tr("Show or hide what most captures do not need"), self)
+        self.expander.show_text(self.tr("Advanced"))
+        rows = QFormLayout(box)
+        rows.setContentsMargins(0, 0, 0, 0)
+        for title, field in fields:
+            rows.addRow(title, field)
+        bare_column(self, (self.expander, box))
+
+
+class SourceForm(ImageForm):
+    """Settings and source.
 
     Parameters
     ----------
@@ -226,12 +245,30 @@ class LiveChoice(ImageForm):
         self.settings = _SettingsField(self)
         self.fields.addRow(self.tr("Settings"), self.settings)
         self.add_source(self.tr("that of the settings"))
+
+    @property
+    def options(self) -> CaptureOptions:
+        """What the form holds."""
+        return CaptureOptions(self.settings.path, self.source.source)
+
+
+class LiveChoice(SourceForm):
+    """The form above a live capture.
+
+    Parameters
+    ----------
+    parent : QWidget, optional
+        Parent widget.
+    """
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
         self.simulated = QPushButton(self.tr("Simulated rig"), self)
-        self.simulated.setAccessibleName(self.tr("Start the simulated rig"))
-        self.simulated.setToolTip(self.tr("Try everything without cameras: two simulated ones look at a moving arm"))
+        tip = self.tr("Try everything without cameras: two simulated ones look at a moving arm")
+        describe(self.simulated, self.tr("Start the simulated rig"), tip)
         self.room = QPushButton(self.tr("Simulated room"), self)
-        self.room.setAccessibleName(self.tr("Start the simulated room"))
-        self.room.setToolTip(self.tr("Try it without cameras: four simulated ones around a room look at a moving arm"))
+        tip = self.tr("Try it without cameras: four simulated ones around a room look at a moving arm")
+        describe(self.room, self.tr("Start the simulated room"), tip)
         self.predicts = QCheckBox(self.tr("Predict, smooth poses"), self)
         self.predicts.setToolTip(self.tr("A Kalman filter: steadier poses and a shorter search, a little later"))
         self.fields.addRow("", row_of(self.simulated, self.room, room=True))
@@ -257,60 +294,6 @@ class LiveChoice(ImageForm):
         self.take_source(source)
 
 
-class AdvancedFields(QWidget):
-    """Fields that most captures do not need, behind a button that shows them.
-
-    Parameters
-    ----------
-    fields : iterable of tuple of str and QWidget
-        Title and field of each row; a box that says what it is has no title.
-    parent : QWidget, optional
-        Parent widget.
-    """
-
-    def __init__(self, fields: Iterable[tuple[str, QWidget]], parent: QWidget | None = None) -> None:
-        super().__init__(parent)
-        self.expander, self._box = QToolButton(self), QWidget(self)
-        rows = QFormLayout(self._box)
-        rows.setContentsMargins(0, 0, 0, 0)
-        for title, field in fields:
-            rows.addRow(title, field)
-        bare_column(self, (self.expander, self._box))
-        self.expander.setText(self.tr("Advanced"))
-        self.expander.setCheckable(True)
-        self.expander.setAutoRaise(True)
-        self.expander.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextBesideIcon)
-        describe(self.expander, self.tr("Advanced"), self.tr("Show or hide what most captures do not need"))
-        self.expander.toggled.connect(self._show)
-        self._show(False)
-
-    def _show(self, shown: bool) -> None:
-        self.expander.setArrowType(Qt.ArrowType.DownArrow if shown else Qt.ArrowType.RightArrow)
-        self._box.setVisible(shown)
-
-
-class SourceForm(ImageForm):
-    """Settings and source.
-
-    Parameters
-    ----------
-    parent : QWidget, optional
-        Parent widget.
-    """
-
-    def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
-        self.settings = _SettingsField(self)
-        self.fields.addRow(self.tr("Settings"), self.settings)
-        self.add_source(self.tr("that of the settings"))
-        self.add_buttons()
-
-    @property
-    def options(self) -> CaptureOptions:
-        """What the form holds."""
-        return CaptureOptions(self.settings.path, self.source.source)
-
-
 class TargetForm(SourceForm):
     """Name and number of balls of a target, settings and source."""
 
@@ -324,9 +307,8 @@ class TargetForm(SourceForm):
         self.balls.setSpecialValueText(self.tr("found"))
         self.balls.setAccessibleName(self.tr("Number of balls"))
         self.balls.setToolTip(self.tr("Found from the images; state it if other things shine as well"))
-        self.simulated.setText(self.tr("Simulated target…"))
-        self.simulated.setAccessibleName(self.tr("Look at a simulated target"))
-        self.simulated.setToolTip(self.tr("Try it without cameras: a target of the simulated arm is turned"))
+        tip = self.tr("Try it without cameras: a target of the simulated arm is turned")
+        self.add_buttons(self.tr("Simulated target…"), self.tr("Look at a simulated target"), tip)
         self.targets = QMenu(self)
         for title, name in (
             (self.tr("Torso"), "torso"),
@@ -355,9 +337,8 @@ class JointForm(SourceForm):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self.simulated.setText(self.tr("Simulated arm"))
-        self.simulated.setAccessibleName(self.tr("Look at the simulated arm"))
-        self.simulated.setToolTip(self.tr("Try it without cameras: an arm with three targets moves"))
+        tip = self.tr("Try it without cameras: an arm with three targets moves")
+        self.add_buttons(self.tr("Simulated arm"), self.tr("Look at the simulated arm"), tip)
         self.simulated.clicked.connect(lambda: self.take_source(_SIMULATED_JOINTS))
         self.use_frames = QLineEdit(self)
         self.use_frames.setPlaceholderText(self.tr("all; 100, or 0,10,20"))

@@ -4,7 +4,7 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
-from PySide6.QtCore import Qt, Signal
+from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QFileDialog, QGridLayout, QLabel, QLineEdit, QPushButton, QScrollArea, QWidget
 
 from skelgen.app.capture_jobs.messages import CaptureControl, CaptureEnd, Feed, LiveShot
@@ -12,7 +12,7 @@ from skelgen.progress import Monitor
 from skelgen_gui.capture.forms import LiveChoice
 from skelgen_gui.capture.results import AngleTable, BodyTable, Notices, Numbers
 from skelgen_gui.project.jobs import Jobs
-from skelgen_gui.widgets.layouts import bare_column, column, describe
+from skelgen_gui.widgets.layouts import bare_column, column, describe, scrolling
 
 _LEAST_HEIGHT = 48  # px, of the notices: two lines
 
@@ -103,13 +103,9 @@ class LivePanel(QWidget):
         self.notices.setMinimumHeight(_LEAST_HEIGHT)
         known = QLabel(self.tr("What to know"), self), self.notices
         parts = (self.choice, self.go, self.recorder, self.numbers, self.angles, self.bodies, *known)
-        area, inner = QScrollArea(self), QWidget(self)  # on low screens
+        inner = QWidget(self)
         layout = column(inner, parts)
-        area.setWidget(inner)
-        area.setWidgetResizable(True)
-        area.setFrameShape(QScrollArea.Shape.NoFrame)
-        area.setFocusPolicy(Qt.FocusPolicy.NoFocus)
-        bare_column(self, (area,))
+        bare_column(self, [scrolling(inner, QScrollArea(self))])  # on low screens
         for widget, share in ((self.angles, 4), (self.bodies, 3), (self.notices, 1)):
             layout.setStretchFactor(widget, share)
 
@@ -183,8 +179,9 @@ class _RecordRow(QWidget):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self.line, self.browse = QLineEdit(str(Path.home() / f"capture{_SUFFIX}"), self), QPushButton(self)
-        self.record, self.open = QPushButton(self.tr("● Record"), self), QPushButton(self)
+        self.line = QLineEdit(str(Path.home() / f"capture{_SUFFIX}"), self)
+        self.browse, self.record = QPushButton(self.tr("Choose…"), self), QPushButton(self.tr("● Record"), self)
+        self.open = QPushButton(self.tr("Open this recording"), self)
         self.recorded: Path | None = None
         self._describe()
         layout = QGridLayout(self)
@@ -205,15 +202,12 @@ class _RecordRow(QWidget):
     def _describe(self) -> None:
         tip = self.tr(".mfml keeps all points without names, .c3d the balls of the bodies with theirs")
         describe(self.line, self.tr("File to record"), tip)
-        self.browse.setText(self.tr("Choose…"))
         describe(self.browse, self.tr("Choose the file to record"), tip)
         self.record.setCheckable(True)
         self.record.setEnabled(False)
         self.record.setAccessibleName(self.tr("Record"))
         self.record.setToolTip(self.tr("Record while capturing; a file that is there is never overwritten"))
-        self.open.setText(self.tr("Open this recording"))
         self.open.setEnabled(False)
-        self.open.setAccessibleName(self.open.text())
         self.open.setToolTip(self.tr("Go on to markers, limbs, joints and skeleton with what was recorded"))
 
     def _choose(self) -> None:

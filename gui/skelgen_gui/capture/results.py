@@ -12,7 +12,7 @@ from PySide6.QtWidgets import QLabel, QListWidget, QTableWidget, QTableWidgetIte
 from skelgen.app.capture_jobs.messages import LiveShot
 from skelgen.capture.target_joints import angle_names
 from skelgen.model.rig import CaptureSettings, RoomSettings
-from skelgen_gui.widgets.layouts import describe, fit_columns
+from skelgen_gui.widgets.layouts import describe, fit_columns, wrap
 
 MOST_NOTICES = 200
 """Notices that are kept: a loose plug must not fill the memory."""
@@ -31,9 +31,7 @@ class Numbers(QLabel):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self.setWordWrap(True)
-        self.setTextFormat(Qt.TextFormat.PlainText)
-        self.setAccessibleName(self.tr("Speed and losses of the capture"))
+        wrap(self, self.tr("Speed and losses of the capture"))
         self.setToolTip(
             self.tr(
                 "Images of all cameras per second, those that were lost because they were not processed in time, and "

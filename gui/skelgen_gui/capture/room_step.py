@@ -201,15 +201,13 @@ class RoomForm(ImageForm):
         describe(self.arms, self.tr("Arms of the L-frame"), tip)
         self.fields.addRow(self.tr("Wand"), self.wand)
         self.add_source(self.tr("cameras, a folder of folders or videos"))
-        self.add_buttons()
+        tip = self.tr("Try it without cameras: four simulated ones look at a waved wand")
+        self.add_buttons(self.tr("Simulated wand"), self.tr("Wave a simulated wand"), tip)
         self.ground = SourceField(self)
         self.ground.setAccessibleName(self.tr("Source of images of the L-frame"))
         self.ground.show_hint(self.tr("the same cameras"))
         self.fields.addRow(self.tr("L-frame"), self.arms)
         self.fields.addRow(self.tr("its source"), self.ground)
-        self.simulated.setText(self.tr("Simulated wand"))
-        self.simulated.setAccessibleName(self.tr("Wave a simulated wand"))
-        self.simulated.setToolTip(self.tr("Try it without cameras: four simulated ones look at a waved wand"))
         self.simulated.clicked.connect(self._choose_simulation)
 
     @property

@@ -17,7 +17,7 @@ from skelgen.progress import Monitor
 from skelgen_gui.capture.camera_views import VerdictLabel
 from skelgen_gui.capture.forms import SourceForm
 from skelgen_gui.project.jobs import Jobs
-from skelgen_gui.widgets.layouts import bare_column, describe, scrolled
+from skelgen_gui.widgets.layouts import bare_column, describe, scrolled, wrap
 
 _T = TypeVar("_T")
 _Shot = TypeVar("_Shot")
@@ -66,8 +66,7 @@ class Step(QWidget, Generic[_Shot]):
         self._control: CollectingControl | None = None
         self.feed: Feed[_Shot] = Feed(self._arrived.emit)
         self.go, self.state, self.verdict = QPushButton(self), QLabel(self), VerdictLabel(self)
-        self.state.setWordWrap(True)
-        self.state.setTextFormat(Qt.TextFormat.PlainText)
+        wrap(self.state, self.tr("How far it is"))
         self.results: tuple[QWidget, ...] = ()
         self._area = QScrollArea(self)
         self._arrived.connect(self.show_newest)
@@ -237,12 +236,9 @@ class AddingStep(Step[TargetShot[_ProgressT]], Generic[_CollectorT, _Calibration
     ) -> None:
         super().__init__(jobs, report_error, parent)
         self.form = form
-        self.calibrate, self.add = QPushButton(self.tr("Calibrate"), self), QPushButton(self)
-        self.add.setText(self.tr("Add to settings"))
-        self.add.setAccessibleName(self.add.text())
-        self.calibrate.setAccessibleName(self.calibrate.text())
+        self.calibrate = QPushButton(self.tr("Calibrate"), self)
+        self.add = QPushButton(self.tr("Add to settings"), self)
         self.calibrate.setToolTip(self.tr("Compute once more from the pairs of images that were taken last"))
-        self.state.setAccessibleName(self.tr("How far it is"))
         self.state.setText(self.invitation)
         self._collectors: list[_CollectorT] = []
         self.found: _CalibrationT | None = None

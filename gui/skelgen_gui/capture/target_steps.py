@@ -26,6 +26,7 @@ from skelgen_gui.capture.measured import BallTable, JointTable, MotionTable, Row
 from skelgen_gui.capture.steps import AddingStep, Plan
 from skelgen_gui.project.deriving import Deriver
 from skelgen_gui.project.jobs import Jobs
+from skelgen_gui.widgets.fields import keep_narrow
 from skelgen_gui.widgets.layouts import bare_column, describe, row_of
 
 if TYPE_CHECKING:
@@ -285,10 +286,8 @@ class RequestList(QWidget):
         ):
             describe(box, name, tip)
             box.setPlaceholderText(hint)
-            box.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
-            box.setMinimumContentsLength(8)
-        describe(self.more, self.more.text(), self.tr("Measure this joint, and others that are named"))
-        describe(self.less, self.less.text(), self.tr("Do not measure the chosen joints"))
+            keep_narrow(box, 8)
+        self.less.setToolTip(self.tr("Do not measure the chosen joints"))
 
     @property
     def _request(self) -> JointRequest:

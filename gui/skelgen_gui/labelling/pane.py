@@ -28,6 +28,7 @@ from skelgen_gui.project.context import Runner
 from skelgen_gui.project.corrections import CorrectionActions
 from skelgen_gui.project.deriving import Deriver, PanelWhileSeen
 from skelgen_gui.project.session import Document
+from skelgen_gui.widgets.fields import keep_narrow
 from skelgen_gui.widgets.layouts import column, describe, row_of
 
 _MOST_NAMES = 200  # in the list
@@ -82,8 +83,7 @@ class LabellingPane(PanelWhileSeen):
         describe(self.search, self.tr("Search markers"), self.tr("Part of a name"))
         tip = self.tr("Name of the selected marker; Enter gives it and goes on to the next one, F3 to the next doubt")
         describe(self.name, self.tr("Name of the selected marker"), tip)
-        self.sets.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
-        self.sets.setMinimumContentsLength(_LETTERS)
+        keep_narrow(self.sets, _LETTERS)
         describe(self.sets, self.tr("Marker set"), self.tr("Whose names are offered below"))
         self.names.setModel(self._left)
         self.names.setEditTriggers(QListView.EditTrigger.NoEditTriggers)

@@ -1,6 +1,6 @@
 """Curves over the frames of a take: residuals, joint angles, points; any stretch of them is drawn at once."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -18,7 +18,8 @@ from skelgen_gui.model.lanes import point_counts
 # Frames of which deviations are computed, which takes about 20 µs each; of longer takes, evenly spaced ones
 _MOST_POSTURES = 20_000
 
-_MOST_CURVES = 6  # markers whose residuals are drawn at once: the legend has room for no more
+MOST_CURVES = 6
+"""Markers whose curves are drawn at once: the legend has room for no more."""
 
 _SURE = 1.96  # standard deviations of 95 %
 
@@ -171,22 +172,44 @@ def residual_panel(project: Project, mean: Curve, markers: Iterable[int]) -> Pan
         Markers whose residuals are drawn.
     """
     markers = list(markers)
-    limbs = project.limbs.limb_of_marker[markers].tolist()
-    shown = tuple(
-        Curve(
-            project.trajectories.names[marker],
-            Extremes.of(project.motion.residuals[:, marker]),
-            limb=limb,
-            shade=limbs[:number].count(limb),
-        )
-        for number, (marker, limb) in enumerate(zip(markers[:_MOST_CURVES], limbs, strict=False))
-    )
-    more = len(markers) - _MOST_CURVES
+    drawn = markers[:MOST_CURVES]
+    shown = marker_curves(project, drawn, [project.motion.residuals[:, marker] for marker in drawn])
+    more = len(markers) - MOST_CURVES
     note = translate("Curves", "{0} more are not drawn").format(more) if more > 0 else ""
     about = translate(
         "Curves", "How far markers were measured from their places on the skeleton: the mean, and selected markers."
     )
     return Panel(translate("Curves", "Residual"), "mm", (mean, *shown), note, about)
+
+
+def marker_curves(project: Project, markers: Sequence[int], values: Iterable[Floats]) -> list[Curve]:
+    """Return a curve of each marker in its limb's colour, in one colour before limbs are known.
+
+    Parameters
+    ----------
+    project : Project
+        With labels.
+    markers : sequence of int
+        Which ones.
+    values : iterable of ndarray, shape (n_frames,)
+        Of each of them.
+    """
+    limbs = [int(project.limbs.limb_of_marker[marker]) if project.has("limbs") else 0 for marker in markers]
+    return [
+        Curve(project.trajectories.names[marker], Extremes.of(one), limb=limb, shade=limbs[:number].count(limb))
+        for number, (marker, limb, one) in enumerate(zip(markers, limbs, values, strict=True))
+    ]
+
+
+def sure_band(values: Floats, std: Floats) -> Extremes:
+    """Return where values with standard deviations are with a probability of 95 %.
+
+    Parameters
+    ----------
+    values, std : ndarray, shape (n_frames,)
+        The values, and their standard deviations.
+    """
+    return Extremes.of(values - _SURE * std, values + _SURE * std)
 
 
 def joint_panels(project: Project, joint: int) -> tuple[Panel, ...]:
@@ -203,10 +226,8 @@ def joint_panels(project: Project, joint: int) -> tuple[Panel, ...]:
     found = joint_curve(project, joint)
     curves = []
     for number, name in enumerate(found.names):
-        angles = np.degrees(found.angles[:, number])
-        wide = _SURE * np.degrees(found.std[:, number])
-        band = Extremes.of(angles - wide, angles + wide)
-        curves.append(Curve(name, Extremes.of(angles), band, component=number))
+        angles, std = np.degrees(found.angles[:, number]), np.degrees(found.std[:, number])
+        curves.append(Curve(name, Extremes.of(angles), sure_band(angles, std), component=number))
     panels = []
     if curves:
         called = joint_called(project, joint).capitalize()

@@ -17,13 +17,11 @@ from skelgen.model.arrays import Floats
 from skelgen.model.corrections import BY_SKELETON, Correction
 from skelgen.model.filled import Filled
 from skelgen_gui.model import translate
-from skelgen_gui.model.curves import Curve, Panel
+from skelgen_gui.model.curves import MOST_CURVES, Curve, Panel, marker_curves, sure_band
 
 QUANTITIES = ("position", "speed", "distance")
 """What is drawn of markers."""
 
-_MOST_CURVES = 6  # the legend has room for no more
-_SURE = 1.96  # standard deviations of 95 %
 _LEAST_MATES = 3  # markers that carry another one rigidly
 
 
@@ -220,22 +218,22 @@ def marker_panels(
     preview : FillPreview, optional
         Drawn in a colour of its own, with a band of 95 %.
     """
-    drawn = list(markers)[:_MOST_CURVES]
-    paths = {marker: _path(project, marker) for marker in drawn}
+    drawn = list(markers)[:MOST_CURVES]
     if quantity == "distance":
         pairs = [(one, other) for number, one in enumerate(drawn) for other in drawn[number + 1 :]]
         if len(drawn) == 1:
             pairs = [(drawn[0], mate) for mate in mates_of(project, drawn[0])]
-        return _distances(project, pairs[:_MOST_CURVES], preview)
+        return _distances(project, pairs[:MOST_CURVES], preview)
+    paths = [_path(project, marker) for marker in drawn]
     if quantity == "speed":
         title, about = translate("Curves", "Speed"), translate("Curves", "How fast markers move, from frame to frame.")
-        curves = [_curve(project, drawn, marker, _speed(paths[marker], project)) for marker in drawn]
+        curves = marker_curves(project, drawn, [_speed(path, project) for path in paths])
         if preview is not None:
             curves.append(_previewed(_speed(_spread(project, preview), project), None))
         return (Panel(title, "mm/s", tuple(curves), "", about),)
     panels = []
     for axis, title in enumerate("xyz"):
-        curves = [_curve(project, drawn, marker, paths[marker][:, axis]) for marker in drawn]
+        curves = marker_curves(project, drawn, [path[:, axis] for path in paths])
         if preview is not None:
             values, std = _spread(project, preview)[:, axis], np.full(project.trajectories.n_frames, np.nan)
             std[preview.path.frames] = preview.path.std
@@ -245,15 +243,8 @@ def marker_panels(
     return tuple(panels)
 
 
-def _curve(project: Project, drawn: Sequence[int], marker: int, values: Floats) -> Curve:
-    limbs = [int(project.limbs.limb_of_marker[one]) if project.has("limbs") else 0 for one in drawn]
-    place = list(drawn).index(marker)
-    name = project.trajectories.names[marker]
-    return Curve(name, Extremes.of(values), limb=limbs[place], shade=limbs[:place].count(limbs[place]))
-
-
 def _previewed(values: Floats, std: Floats | None) -> Curve:
-    band = None if std is None else Extremes.of(values - _SURE * std, values + _SURE * std)
+    band = None if std is None else sure_band(values, std)
     return Curve(translate("Curves", "preview"), Extremes.of(values), band, component=0)
 
 

@@ -12,6 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from skelgen.errors import InputError
+from skelgen.geometry.rotations import moved_points
 from skelgen.model.arrays import Floats
 from skelgen.model.rig import Camera, CameraRig, StereoRig, check_pose
 
@@ -278,4 +279,4 @@ def frustum(
     lines = np.concatenate(
         [np.stack([centre, corners], axis=1), np.stack([corners, np.roll(corners, -1, axis=0)], axis=1), above[None]]
     )
-    return np.asarray(lines @ world_from_camera[:3, :3].T + world_from_camera[:3, 3])
+    return moved_points(world_from_camera, lines)

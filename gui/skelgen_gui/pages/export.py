@@ -10,7 +10,6 @@ from PySide6.QtGui import QDesktopServices, QShowEvent, QStandardItemModel
 from PySide6.QtWidgets import (
     QCheckBox,
     QComboBox,
-    QFileDialog,
     QFormLayout,
     QGroupBox,
     QLabel,
@@ -42,8 +41,9 @@ from skelgen_gui.project.deriving import Deriver
 from skelgen_gui.project.jobs import Jobs
 from skelgen_gui.project.session import Session
 from skelgen_gui.widgets.errors import show_error
+from skelgen_gui.widgets.fields import choose_button
 from skelgen_gui.widgets.forms import ParameterForm
-from skelgen_gui.widgets.layouts import bare_column, describe, put_behind, row_of, scrolled
+from skelgen_gui.widgets.layouts import bare_column, describe, put_behind, row_of, scrolled, wrap
 from skelgen_gui.widgets.painting import PROBLEM_ROLE
 from skelgen_gui.widgets.preferences import AXES
 
@@ -105,11 +105,9 @@ class ExportPage(QWidget):
             (self.preview, self.tr("What will be written")),
             (self.status, self.tr("What has been written")),
         ):
-            label.setWordWrap(True)
-            label.setAccessibleName(name)
+            wrap(label, name)
         self.preview.setTextFormat(Qt.TextFormat.RichText)
         self.preview.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
-        self.status.setTextFormat(Qt.TextFormat.PlainText)
         self.export.setToolTip(self.tr("Write the files"))
         self.cancel.setToolTip(self.tr("Stop; files that were there stay as they were"))
         self.show_folder.setToolTip(self.tr("Open the folder with the written files"))
@@ -301,7 +299,7 @@ class _ExportTarget(QWidget):
         super().__init__(parent)
         documents = QStandardPaths.writableLocation(QStandardPaths.StandardLocation.DocumentsLocation)
         self.folder_line = QLineEdit(documents, self)
-        self.browse = QPushButton(self.tr("Browse…"), self)
+        self.browse = choose_button(self.folder_line, self.tr("Folder of the export"))
         self.name_line = QLineEdit(self)
         self.each_body = QCheckBox(self.tr("A file for each body"), self)
         self._rows = QFormLayout(self)
@@ -320,7 +318,6 @@ class _ExportTarget(QWidget):
             self.tr("Files end in the names of the bodies, whose limbs they call as those of one")
         )
         self.each_body.toggled.connect(self.changed)
-        self.browse.clicked.connect(self._browse)
 
     @property
     def folder(self) -> Path:
@@ -357,8 +354,3 @@ class _ExportTarget(QWidget):
         if folder is not None:
             self.folder_line.setText(str(folder.absolute()))  # not as the command line named it
         self.name_line.setText(name)
-
-    def _browse(self) -> None:
-        chosen = QFileDialog.getExistingDirectory(self, self.tr("Folder of the export"), self.folder_line.text())
-        if chosen:
-            self.folder_line.setText(chosen)

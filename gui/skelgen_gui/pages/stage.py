@@ -6,7 +6,6 @@ from pathlib import Path
 from PySide6.QtCore import QCoreApplication, QPoint, Qt
 from PySide6.QtWidgets import (
     QButtonGroup,
-    QFileDialog,
     QGroupBox,
     QLabel,
     QLineEdit,
@@ -30,9 +29,9 @@ from skelgen.progress import Monitor
 from skelgen_gui.model.selection import Selection
 from skelgen_gui.project.context import Context
 from skelgen_gui.project.deriving import Deriver
-from skelgen_gui.widgets.fields import FoundOrGiven
+from skelgen_gui.widgets.fields import FoundOrGiven, choose_button
 from skelgen_gui.widgets.forms import stage_form
-from skelgen_gui.widgets.layouts import bare_column, column, describe, row_of, scrolled, scrolling
+from skelgen_gui.widgets.layouts import bare_column, column, describe, row_of, scrolled, scrolling, wrap
 
 # Stages whose number the user may give, and the correction that holds it
 _NUMBERS = {"labels": "n_markers", "limbs": "n_limbs"}
@@ -57,7 +56,9 @@ class StagePage(QWidget):
         self._stage, self._context = stage, context
         self.setObjectName(f"page-{stage}")
         self.runs, self.uses_saved = QRadioButton(self.tr("Run this step"), self), QRadioButton(self)
-        self.path, self._browse = QLineEdit(self), QPushButton(self.tr("Choose…"), self)
+        self.path, title = QLineEdit(self), self.tr("Project file with the saved result")
+        kinds = self.tr("Projects (*{0})").format(SUFFIX)
+        self._browse = choose_button(self.path, title, kinds, lambda: context.runner.folder)
         titles = {"labels": self.tr("Number of markers"), "limbs": self.tr("Number of limbs")}
         self.number = FoundOrGiven(titles[stage], self) if stage in titles else None
         self.form = stage_form(parameters_class(stage), self)
@@ -83,10 +84,8 @@ class StagePage(QWidget):
         self.path.setPlaceholderText(self.tr("project file, {0}").format(SUFFIX))
         describe(self.path, self.tr("Project file with the saved result"))
         describe(self._browse, self.tr("Choose the project file with the saved result"))
-        self.result.setWordWrap(True)
-        self.result.setTextFormat(Qt.TextFormat.PlainText)  # names of markers may look like tags
+        wrap(self.result, self.tr("What came out of this step"))
         self.result.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
-        self.result.setAccessibleName(self.tr("What came out of this step"))
         self.warnings.setAccessibleName(self.tr("What to look at; Enter goes there"))
         self.warnings.setToolTip(self.tr("Choose a line to go to its frame and markers"))
         self.warnings.setWordWrap(True)
@@ -118,7 +117,6 @@ class StagePage(QWidget):
         jobs.ended.connect(self._follow_jobs)
         self.runs.toggled.connect(self._follow_jobs)
         self.path.textChanged.connect(self._follow_jobs)
-        self._browse.clicked.connect(self._choose)
         self.form.changed.connect(self._keep_values)
         self.go.clicked.connect(self.start)
         self.warnings.itemActivated.connect(self._look)
@@ -157,14 +155,6 @@ class StagePage(QWidget):
             document.change(self.tr("take a saved result"), result)
 
         self._context.jobs.start(self.tr("Reading {0}").format(path.name), work, done, self._context.report_error)
-
-    def _choose(self) -> None:
-        title = self.tr("Project file with the saved result")
-        place, kinds = self.path.text() or self._context.runner.folder, self.tr("Projects (*{0})").format(SUFFIX)
-        name, _ = QFileDialog.getOpenFileName(self, title, place, kinds)
-        if name:
-            self.path.setText(name)
-            self.uses_saved.setChecked(True)
 
     def _keep_values(self) -> None:
         if not self.form.problem():

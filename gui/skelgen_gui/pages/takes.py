@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from PySide6.QtCore import QObject, Qt, QUrl
+from PySide6.QtCore import QObject, QUrl
 from PySide6.QtGui import QDesktopServices, QDragEnterEvent, QDropEvent
 from PySide6.QtWidgets import (
     QComboBox,
@@ -19,7 +19,18 @@ from skelgen.app.files import file_filter
 from skelgen.app.project_file.archive import SUFFIX
 from skelgen.progress import Monitor
 from skelgen_gui.project.context import Context
-from skelgen_gui.widgets.layouts import Index, Role, RowModel, choose_by_rows, column, describe, fit_columns, row_of
+from skelgen_gui.widgets.fields import choose_button
+from skelgen_gui.widgets.layouts import (
+    Index,
+    Role,
+    RowModel,
+    choose_by_rows,
+    column,
+    describe,
+    fit_columns,
+    row_of,
+    wrap,
+)
 
 _OWN, _OF_PROJECT = "own", "project"
 
@@ -68,9 +79,10 @@ class TakesPage(QWidget):
         self.setAcceptDrops(True)
         self.add, self.remove = QPushButton(self.tr("Add takes…"), self), QPushButton(self.tr("Remove"), self)
         self.takes, self.table = _TakesModel(self), QTableView(self)
-        self.skeleton, self.subject = QComboBox(self), QLineEdit(self)
-        self._browse_subject = QPushButton(self.tr("Choose…"), self)
-        self.folder, self._browse = QLineEdit(self), QPushButton(self.tr("Choose…"), self)
+        self.skeleton, self.subject, self.folder = QComboBox(self), QLineEdit(self), QLineEdit(self)
+        title, kinds = self.tr("Project with the skeleton"), self.tr("Projects (*{0})").format(SUFFIX)
+        self._browse_subject = choose_button(self.subject, title, kinds, lambda: context.runner.folder)
+        self._browse = choose_button(self.folder, self.tr("Folder of the results"))
         self.go = QPushButton(self.tr("Run all takes"), self)
         self.open, self.compare = QPushButton(self.tr("Open result"), self), QPushButton(self.tr("Compare"), self)
         self.show_page = QPushButton(self.tr("Show page"), self)
@@ -93,9 +105,7 @@ class TakesPage(QWidget):
         self.skeleton.addItem(tr("Each take finds its own skeleton"), _OWN)
         self.skeleton.addItem(tr("All take the skeleton of a project"), _OF_PROJECT)
         self.subject.setPlaceholderText(tr("project file, {0}").format(SUFFIX))
-        self.status.setWordWrap(True)
-        self.status.setTextFormat(Qt.TextFormat.PlainText)
-        self.status.setAccessibleName(tr("What became of the takes"))
+        wrap(self.status, tr("What became of the takes"))
         for widget, name, tip in (
             (self.table, tr("Takes"), tr("Drop files here, too; Enter opens the result of a take")),
             (self.add, tr("Add takes"), tr("Choose recordings; several at once")),
@@ -115,8 +125,6 @@ class TakesPage(QWidget):
     def _connect(self) -> None:
         self.add.clicked.connect(self._choose_takes)
         self.remove.clicked.connect(self._remove)
-        self._browse.clicked.connect(self._choose_folder)
-        self._browse_subject.clicked.connect(self._choose_subject)
         self.go.clicked.connect(self.run)
         self.open.clicked.connect(self._open)
         self.table.activated.connect(self._open)
@@ -206,19 +214,6 @@ class TakesPage(QWidget):
     def _choose_takes(self) -> None:
         names, _ = QFileDialog.getOpenFileNames(self, self.tr("Add takes"), self._context.runner.folder, file_filter())
         self.add_takes([Path(name) for name in names])
-
-    def _choose_folder(self) -> None:
-        name = QFileDialog.getExistingDirectory(self, self.tr("Folder of the results"), self.folder.text())
-        if name:
-            self.folder.setText(name)
-
-    def _choose_subject(self) -> None:
-        kinds = self.tr("Projects (*{0})").format(SUFFIX)
-        name, _ = QFileDialog.getOpenFileName(
-            self, self.tr("Project with the skeleton"), self._context.runner.folder, kinds
-        )
-        if name:
-            self.subject.setText(name)
 
     def _follow(self) -> None:
         """Enable what can be done now."""

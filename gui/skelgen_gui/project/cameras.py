@@ -8,7 +8,6 @@ from PySide6.QtCore import QObject, Signal
 from PySide6.QtWidgets import QFileDialog, QWidget
 from skelgen_formats.capture_settings import read_any_settings
 
-from skelgen.errors import SkelgenError
 from skelgen.model import Project
 from skelgen.model.rig import CameraRig, StereoRig
 from skelgen_gui.model.viewpoint import ShownCamera, cameras_of
@@ -78,7 +77,7 @@ class Cameras(QObject):
         if path in self._known:
             self.show_rig(self._known[path])
         elif project.source.format == _STEREO:
-            self._reader.derive(partial(_rig_or_reason, path), partial(self._show_read, is_asked_for=False))
+            self._reader.derive(partial(_rig_in, path), self.show_rig, lambda _: None)  # the take is there all the same
 
     def show_rig(self, rig: StereoRig | CameraRig) -> None:
         """Show the cameras of a rig."""
@@ -89,14 +88,7 @@ class Cameras(QObject):
         title, kinds = self.tr("Cameras of a capture"), self.tr("Settings (*.xml)")
         name, _ = QFileDialog.getOpenFileName(self._window, title, self._folder, kinds)
         if name:
-            self._reader.derive(partial(_rig_or_reason, Path(name)), partial(self._show_read, is_asked_for=True))
-
-    def _show_read(self, read: StereoRig | CameraRig | SkelgenError, *, is_asked_for: bool) -> None:
-        """Show the cameras that were read; a take is there even if its settings are gone, or others by now."""
-        if not isinstance(read, SkelgenError):
-            self.show_rig(read)
-        elif is_asked_for:
-            self._report_error(read)
+            self._reader.derive(partial(_rig_in, Path(name)), self.show_rig, self._report_error)
 
     def _show(self, cameras: tuple[ShownCamera, ...]) -> None:
         self._reader.forget()  # what is still being read is of the cameras before
@@ -104,9 +96,6 @@ class Cameras(QObject):
         self.changed.emit()
 
 
-def _rig_or_reason(path: Path) -> StereoRig | CameraRig | SkelgenError:
-    """The rig in the settings of a capture, or why there is none; on a thread, as lxml is loaded."""
-    try:
-        return read_any_settings(path).rig
-    except SkelgenError as error:
-        return error
+def _rig_in(path: Path) -> StereoRig | CameraRig:
+    """The rig in the settings of a capture; on a thread, as lxml is loaded."""
+    return read_any_settings(path).rig

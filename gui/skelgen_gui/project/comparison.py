@@ -8,13 +8,12 @@ from PySide6.QtWidgets import QLabel, QListWidget, QListWidgetItem, QSizePolicy,
 
 from skelgen.app.comparison import Comparison, compare_results, comparison_sentences
 from skelgen.app.drawing.wording import digits, whole_percent
-from skelgen.errors import SkelgenError
 from skelgen.model import Project
 from skelgen_gui.model.selection import Selection
 from skelgen_gui.model.wording import limb_words
 from skelgen_gui.project.deriving import Deriver
 from skelgen_gui.project.session import Session
-from skelgen_gui.widgets.layouts import column, describe
+from skelgen_gui.widgets.layouts import column, describe, wrap
 
 _SELECTION = Qt.ItemDataRole.UserRole
 
@@ -32,10 +31,8 @@ class ComparisonPanel(QWidget):
         super().__init__()
         self._session = session
         self.summary, self.lines = QLabel(self), QListWidget(self)
-        self.summary.setWordWrap(True)
-        self.summary.setTextFormat(Qt.TextFormat.PlainText)
+        wrap(self.summary, self.tr("How both results agree"))
         self.summary.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Minimum)
-        self.summary.setAccessibleName(self.tr("How both results agree"))
         self.lines.setWordWrap(True)
         describe(self.lines, self.tr("Differences"), self.tr("What differs most comes first; a click selects it"))
         column(self, (self.summary, self.lines)).setStretchFactor(self.lines, 1)
@@ -52,12 +49,10 @@ class ComparisonPanel(QWidget):
             self.deriver.forget()
             self.summary.setText(self.tr("Choose File > Compare with, and another result of this take."))
         else:
-            self.deriver.derive(partial(_compared, project, other), partial(self._take, project, other))
+            compare, take = partial(compare_results, project, other), partial(self._take, project, other)
+            self.deriver.derive(compare, take, lambda error: self.summary.setText(str(error)))
 
-    def _take(self, project: Project, other: Project, found: Comparison | SkelgenError) -> None:
-        if isinstance(found, SkelgenError):
-            self.summary.setText(str(found))
-            return
+    def _take(self, project: Project, other: Project, found: Comparison) -> None:
         self.summary.setText(".\n".join(comparison_sentences(project, other, found)) + ".")
         names, others = project.trajectories.names, other.trajectories.names
         for match in sorted(found.joints, key=lambda match: -math.inf if math.isnan(match.median) else -match.median):
@@ -92,10 +87,3 @@ class ComparisonPanel(QWidget):
 
 def _of(marker: int) -> Selection:
     return Selection(frozenset({marker}))
-
-
-def _compared(project: Project, other: Project) -> Comparison | SkelgenError:
-    try:
-        return compare_results(project, other)
-    except SkelgenError as error:
-        return error

@@ -2,7 +2,7 @@
 
 from collections import deque
 from collections.abc import Callable
-from functools import partial
+from functools import partial, reduce
 
 from PySide6.QtCore import QCoreApplication, QObject
 from PySide6.QtGui import QAction
@@ -30,7 +30,7 @@ from skelgen_gui.model.selection import Selection
 from skelgen_gui.project.context import Runner
 from skelgen_gui.project.deriving import Deriver
 from skelgen_gui.project.session import Document, Session
-from skelgen_gui.widgets.layouts import column, describe
+from skelgen_gui.widgets.layouts import answer_buttons, column, describe
 from skelgen_gui.widgets.painting import as_rich_text
 
 
@@ -97,7 +97,8 @@ class CorrectionActions(QObject):
             self._queue.clear()
         elif self._queue and not self.deriver.is_busy:
             stated = self._queue[0]
-            self.deriver.derive(partial(_corrected, project, stated), partial(self._take, project, stated))
+            take = partial(self._take, project, stated)
+            self.deriver.derive(partial(reduce, with_correction, stated, project), take, take)
 
     def _take(self, before: Project, stated: tuple[Correction, ...], after: Project | SkelgenError) -> None:
         if self._document.session.project is before:  # else it is derived anew from what is there now
@@ -179,15 +180,6 @@ class CorrectionActions(QObject):
         return name.strip() if is_accepted and name.strip() else None
 
 
-def _corrected(project: Project, stated: tuple[Correction, ...]) -> Project | SkelgenError:
-    try:
-        for correction in stated:
-            project = with_correction(project, correction)
-        return project
-    except SkelgenError as error:
-        return error
-
-
 def _text(offer: Offer) -> str:
     if offer.kind == "move":
         return offer.about[0]
@@ -250,15 +242,12 @@ class FramesDialog(QDialog):
         self.last.setAccessibleName(self.tr("Last frame"))
         self.first.setToolTip(self.tr("The first frame in which it holds; at first the one that is shown"))
         self.last.setToolTip(self.tr("The last frame in which it holds, itself included"))
-        buttons = QDialogButtonBox(QDialogButtonBox.StandardButton.Ok | QDialogButtonBox.StandardButton.Cancel, self)
-        buttons.accepted.connect(self.accept)
-        buttons.rejected.connect(self.reject)
         self.first.valueChanged.connect(self.last.setMinimum)
         self.last.setMinimum(proposed[0])
         layout = QFormLayout(self)
         layout.addRow(self.tr("From frame"), self.first)
         layout.addRow(self.tr("to frame"), self.last)
-        layout.addRow(buttons)
+        layout.addRow(answer_buttons(self, QDialogButtonBox.StandardButton.Ok))
 
     def frames(self) -> tuple[int, int]:
         """Return what was chosen."""
@@ -317,7 +306,6 @@ class CorrectionList(QWidget):
         describe(self.take_back, self.tr("Take the chosen correction back"))
         self.at_once = QCheckBox(self.tr("Compute again at once"), self)
         self.at_once.setToolTip(self.tr("After a correction, run again the steps that had run before"))
-        self.at_once.setAccessibleName(self.at_once.text())
         self.at_once.setChecked(runner.computes_at_once)
         column(self, (self.hint, self.entries, self.take_back, self.at_once))
         session.project_changed.connect(self._follow)

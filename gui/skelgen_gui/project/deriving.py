@@ -20,6 +20,8 @@ from PySide6.QtGui import QShowEvent
 from PySide6.QtWidgets import QWidget
 from shiboken6 import Shiboken
 
+from skelgen.errors import SkelgenError
+
 _T = TypeVar("_T")
 
 _PAINT_FIRST = 15  # ms before a thread begins, so that changes are painted first, without waiting for Python's lock
@@ -71,6 +73,7 @@ class Deriver(QObject):
         self._request: tuple[int, Callable[[], object]] | None = None
         self._number = 0
         self._then: Callable[[Any], None] | None = None
+        self._failed: Callable[[SkelgenError], None] | None = None
         self._soon = QTimer(self, interval=_PAINT_FIRST, singleShot=True)
         self._soon.timeout.connect(self._begin)
         self._courier = _the_courier()
@@ -80,7 +83,12 @@ class Deriver(QObject):
         """Whether a result is awaited."""
         return self._then is not None
 
-    def derive(self, function: Callable[[], _T], then: Callable[[_T], None]) -> None:
+    def derive(
+        self,
+        function: Callable[[], _T],
+        then: Callable[[_T], None],
+        failed: Callable[[SkelgenError], None] | None = None,
+    ) -> None:
         """Call a function in the background; an earlier request that is not done yet is forgotten.
 
         Parameters
@@ -89,9 +97,11 @@ class Deriver(QObject):
             Pure, without Qt.
         then : callable
             Is called with its result; an error is raised in the window's thread instead.
+        failed : callable, optional
+            Is called with an error that the user can act on, which is not raised then.
         """
         self.forget()
-        self._then = then
+        self._then, self._failed = then, failed
         with self._lock:
             self._request = (self._number, function)
         self._soon.start()
@@ -151,9 +161,12 @@ class Deriver(QObject):
         """
         if number == self._number and self._then is not None:
             then, self._then = self._then, None
-            if isinstance(result, _Failure):
+            if not isinstance(result, _Failure):
+                then(result)
+            elif self._failed is not None and isinstance(result.error, SkelgenError):
+                self._failed(result.error)
+            else:
                 raise result.error
-            then(result)
             self.finished.emit()
 
 

@@ -14,7 +14,7 @@ from skelgen.model import Project
 from skelgen.parameters import ParameterValue
 from skelgen.progress import Monitor
 from skelgen_gui.widgets.forms import ParameterForm, stage_form
-from skelgen_gui.widgets.layouts import column
+from skelgen_gui.widgets.layouts import answer_buttons, column
 
 _WIDTH = 440  # px
 
@@ -76,10 +76,7 @@ class OpenDialog(QDialog):
         self.changes = stage_form(AdaptParameters, self)
         self.reader = ParameterForm(declared, self)
         self.reader.setVisible(bool(declared))
-        standard = QDialogButtonBox.StandardButton
-        self.buttons = QDialogButtonBox(standard.Open | standard.Cancel, parent=self)
-        self.buttons.accepted.connect(self.accept)
-        self.buttons.rejected.connect(self.reject)
+        self.buttons = answer_buttons(self, QDialogButtonBox.StandardButton.Open)
         heading = QLabel("" if entry is None else self.tr("Read as {0}").format(entry.title), self)
         column(self, (heading, self.reader, self.changes, self.buttons))
         for form in (self.changes, self.reader):

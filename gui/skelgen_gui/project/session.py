@@ -30,6 +30,8 @@ class Session(QObject):
 
     Signals
     -------
+    take_changed()
+        A project of another take, before `project_changed`.
     project_changed()
         Another project, or another result of a stage.
     other_changed()
@@ -44,6 +46,7 @@ class Session(QObject):
         The path, or whether there are unsaved changes.
     """
 
+    take_changed = Signal()
     project_changed = Signal()
     other_changed = Signal()
     frame_changed = Signal(int)
@@ -140,12 +143,15 @@ class Session(QObject):
 
     def change(self, project: Project) -> None:
         """Show other results of the same take; what is selected stays selected where it is there again."""
-        before, self._project = self._selection, project
+        before, is_other = self._selection, self._project is None or self._project.take is not project.take
+        self._project = project
         self._had |= frozenset(stage for stage in STAGES if project.has(stage))
         self._frame = min(self._frame, max(self.n_frames - 1, 0))
         if self._selected_in is not None:
             selection, selected_in = self._selected_in
             self._selection = self._still_there(carried(selection, selected_in, project))
+        if is_other:
+            self.take_changed.emit()
         self.project_changed.emit()
         self.state_changed.emit()
         if self._selection != before:

@@ -16,6 +16,7 @@ from skelgen.model.corrections import FILL_METHODS
 from skelgen_gui.model import translate
 from skelgen_gui.model.marker_curves import GapRow
 from skelgen_gui.timeline.span import clock
+from skelgen_gui.widgets.fields import set_up_number
 from skelgen_gui.widgets.layouts import Index, Role, RowModel, bare_column, choose_by_rows, describe, row_of
 
 _TIME_STEP = 0.01  # s
@@ -133,10 +134,8 @@ class GapTools(QWidget):
         for method in FILL_METHODS:
             self.way.addItem(self.tr("By {0}").format(fill_words(method)), method)
         self.words.setWordWrap(True)
-        self.cutoff.setRange(0.1, _MOST_CUTOFF)
-        self.cutoff.setDecimals(1)
+        set_up_number(self.cutoff, (0.1, _MOST_CUTOFF), 1, self.tr(" Hz"))
         self.cutoff.setValue(_CUTOFF)
-        self.cutoff.setSuffix(self.tr(" Hz"))
         self._describe()
         rows = (row_of(self.way, self.donor), self.words, row_of(self.fill, self.fill_all))
         bare_column(self, (self.table, *rows, row_of(self.cutoff, self.smooth))).setStretchFactor(self.table, 1)

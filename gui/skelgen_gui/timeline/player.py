@@ -10,7 +10,6 @@ from collections.abc import Callable, Mapping
 from PySide6.QtCore import QObject, Qt, QTimer, Signal
 from PySide6.QtGui import QAction
 
-from skelgen.model import Take
 from skelgen_gui.model.lanes import next_doubt
 from skelgen_gui.model.selection import Selection
 from skelgen_gui.project.session import Session
@@ -50,15 +49,14 @@ class Player(QObject):
         self._session, self._clock = session, clock
         self._speed, self._loop = 1.0, False
         self._first, self._last = 0, 0
-        self._take: Take | None = None
         self._started, self._origin, self._shown = 0.0, 0, 0
         self._timer = QTimer(self)
         self._timer.setTimerType(Qt.TimerType.PreciseTimer)
         self._timer.setInterval(_TICK)
         self._timer.timeout.connect(self._tick)
-        session.project_changed.connect(self._follow_project)
+        session.take_changed.connect(self._play_all)
         session.frame_changed.connect(self._follow_frame)
-        self._follow_project()
+        self._play_all()
 
     @property
     def is_playing(self) -> bool:
@@ -131,13 +129,10 @@ class Player(QObject):
         self._anchor()
         self.settings_changed.emit()
 
-    def _follow_project(self) -> None:
+    def _play_all(self) -> None:
         """Play all of another take; another result of the same take changes nothing."""
-        take = None if self._session.project is None else self._session.project.take
-        if take is not self._take:
-            self._take = take
-            self.pause()
-            self.set_range(0, self._session.n_frames - 1)
+        self.pause()
+        self.set_range(0, self._session.n_frames - 1)
 
     def _follow_frame(self, frame: int) -> None:
         """Go on from a frame that was chosen elsewhere."""

@@ -26,7 +26,7 @@ from PySide6.QtWidgets import QWidget
 
 from skelgen.app.drawing.scales import ticks
 from skelgen.app.drawing.wording import digits, plain
-from skelgen.model import Project, Take
+from skelgen.model import Project
 from skelgen.model.arrays import Floats
 from skelgen_gui.model.curves import Curve, Panel, joint_panels, residual_curve, residual_panel
 from skelgen_gui.project.deriving import Deriver
@@ -63,9 +63,8 @@ class PlotView(QWidget):
         self._panels: tuple[Panel, ...] = ()
         self._hint = ""
         self._picture: tuple[tuple[object, ...], QPixmap] | None = None
-        self._panels_of: Take | None = None
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
-        session.project_changed.connect(self._forget_other_take)
+        session.take_changed.connect(self._follow_take)
         for signal in (session.frame_changed, span.changed):
             signal.connect(self.update)
 
@@ -151,12 +150,9 @@ class PlotView(QWidget):
                 room = self.panel_rect(len(self._panels)) if self._panels else QRectF(self.rect())
                 paint_words(painter, room, self._hint, self.palette())
 
-    def _forget_other_take(self) -> None:
+    def _follow_take(self) -> None:
         """Drop the curves of another take, which has other frames, until those of this one are there."""
-        project = self._session.project
-        if project is None or project.take is not self._panels_of:
-            self._panels_of = None if project is None else project.take
-            self.show_panels(())
+        self.show_panels(())
 
     def _go_to(self, x: float) -> None:
         self._session.show_frame(self._span.frame_at(x, GUTTER, plot_width(self.width())))

@@ -5,7 +5,6 @@ import math
 from PySide6.QtCore import QObject, Qt, Signal
 from PySide6.QtGui import QKeyEvent, QWheelEvent
 
-from skelgen.model import Take
 from skelgen_gui.project.session import Session
 from skelgen_gui.widgets.painting import ZOOM, notches
 
@@ -43,11 +42,10 @@ class VisibleSpan(QObject):
     def __init__(self, session: Session, parent: QObject | None = None) -> None:
         super().__init__(parent)
         self._session = session
-        self._take: Take | None = None
         self._first, self._end = 0.0, 1.0
-        session.project_changed.connect(self._follow_project)
+        session.take_changed.connect(self._follow_take)
         session.frame_changed.connect(self._reveal)
-        self._follow_project()
+        self.show_all()
 
     @property
     def first(self) -> float:
@@ -123,12 +121,9 @@ class VisibleSpan(QObject):
     def _n_frames(self) -> int:
         return max(self._session.n_frames, 1)
 
-    def _follow_project(self) -> None:
-        take = None if self._session.project is None else self._session.project.take
-        if take is not self._take:
-            self._take = take
-            self.show_all()
-            self.changed.emit()
+    def _follow_take(self) -> None:
+        self.show_all()
+        self.changed.emit()
 
     def _reveal(self, frame: int) -> None:
         if not self._first <= frame < self._end:

@@ -15,7 +15,9 @@ from skelgen.errors import SkelgenError
 from skelgen_gui.model.view_state import KeptVideo
 from skelgen_gui.project.deriving import Deriver
 from skelgen_gui.project.session import Session
+from skelgen_gui.widgets.fields import set_up_number
 from skelgen_gui.widgets.layouts import column, describe, row_of
+from skelgen_gui.widgets.painting import paint_words
 
 _MOST_SECONDS = 36_000.0  # of the offset
 _MOST_RATE = 10_000.0  # Hz
@@ -53,14 +55,12 @@ class VideoPicture(QWidget):
 
     def paintEvent(self, event: QPaintEvent) -> None:
         """Paint it in the middle."""
-        painter = QPainter(self)
+        painter, room = QPainter(self), QRectF(self.rect())
         if self.image is None:
-            painter.setPen(self.palette().color(self.palette().ColorRole.PlaceholderText))
-            wrapped = Qt.AlignmentFlag.AlignCenter | Qt.TextFlag.TextWordWrap
-            painter.drawText(self.rect(), int(wrapped), self.sentence)
+            paint_words(painter, room, self.sentence, self.palette())
             return
         box = QRectF(QPointF(), self.image.size().scaled(self.size(), Qt.AspectRatioMode.KeepAspectRatio).toSizeF())
-        box.moveCenter(QRectF(self.rect()).center())
+        box.moveCenter(room.center())
         painter.setRenderHint(QPainter.RenderHint.SmoothPixmapTransform)
         painter.drawImage(box, self.image)
 
@@ -113,12 +113,8 @@ class VideoPane(QWidget):
             self.tr("Rate of the video"),
             self.tr("Pictures per second as they were filmed; of slow motion the file says less"),
         )
-        self.offset.setRange(-_MOST_SECONDS, _MOST_SECONDS)
-        self.offset.setDecimals(3)
-        self.offset.setSuffix(" s")
-        self.rate.setRange(0.001, _MOST_RATE)
-        self.rate.setDecimals(3)
-        self.rate.setSuffix(" Hz")
+        set_up_number(self.offset, (-_MOST_SECONDS, _MOST_SECONDS), 3, " s")
+        set_up_number(self.rate, (0.001, _MOST_RATE), 3, " Hz")
 
     @property
     def kept(self) -> KeptVideo | None:

@@ -6,7 +6,6 @@ from dataclasses import replace
 from PySide6.QtCore import QTimer
 from PySide6.QtWidgets import QGridLayout, QWidget
 
-from skelgen.model import Take
 from skelgen_gui.model.view_state import Shown
 from skelgen_gui.project.session import Session
 from skelgen_gui.view3d.view import View3D
@@ -29,13 +28,12 @@ class FourViews(QWidget):
         super().__init__()
         self._session, self._main = session, main
         self.others: tuple[View3D, ...] = ()
-        self._take: Take | None = None
         self._grid = QGridLayout(self)
         self._grid.setContentsMargins(0, 0, 0, 0)
         self._grid.setSpacing(_GAP)
         self._grid.addWidget(main, 1, 1)
         main.shown_changed.connect(self._follow)
-        session.project_changed.connect(self._follow_project)
+        session.take_changed.connect(self._follow_take)
 
     def _follow(self, shown: Shown) -> None:
         """Show one view or four, and in all of them the same."""
@@ -49,11 +47,9 @@ class FourViews(QWidget):
         if shown.four and (is_new or not was_shown):
             QTimer.singleShot(0, self, self._stand)  # once the views have their sizes
 
-    def _follow_project(self) -> None:
-        take = None if self._session.project is None else self._session.project.take
-        if take is not self._take and self.others:
+    def _follow_take(self) -> None:
+        if self.others:
             QTimer.singleShot(0, self, self._stand)
-        self._take = take
 
     def _make(self) -> None:
         """Build the views that are beside the main one: their keys and buttons are those of the main one."""

@@ -14,7 +14,7 @@ from PySide6.QtWidgets import QDialog, QDialogButtonBox, QLabel, QPlainTextEdit,
 
 import skelgen
 from skelgen.errors import SkelgenError, out_of_memory
-from skelgen_gui.widgets.layouts import column, row_of
+from skelgen_gui.widgets.layouts import column, row_of, wrap
 
 translate = QCoreApplication.translate
 
@@ -107,8 +107,7 @@ class ErrorDialog(QDialog):
         self.details.hide()
 
     def _describe(self) -> None:
-        self.sentence.setWordWrap(True)
-        self.sentence.setTextFormat(Qt.TextFormat.PlainText)
+        wrap(self.sentence)
         self.sentence.setMinimumWidth(_WIDTH)
         self.sentence.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         self.details.setReadOnly(True)

@@ -6,6 +6,10 @@ no such words here is plain already. Files, command line and documentation keep 
 """
 
 import math
+import tomllib
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
 from typing import Any
 
 from PySide6.QtCore import QCoreApplication, QEvent, QObject, Qt, Signal
@@ -15,10 +19,14 @@ from PySide6.QtWidgets import (
     QButtonGroup,
     QCheckBox,
     QComboBox,
+    QDoubleSpinBox,
+    QFileDialog,
     QLabel,
     QLineEdit,
+    QPushButton,
     QRadioButton,
     QSpinBox,
+    QToolButton,
     QWidget,
 )
 
@@ -83,8 +91,7 @@ class ChoiceBox(QComboBox):
         for choice in declaration.choices:
             self.addItem(choice_of(declaration, choice), choice)
             self.setItemData(self.count() - 1, choice, Qt.ItemDataRole.ToolTipRole)
-        self.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
-        self.setMinimumContentsLength(_LETTERS)  # the list that opens shows all
+        keep_narrow(self, _LETTERS)
         self.currentTextChanged.connect(self.edited)
 
     def entered(self) -> Any:
@@ -196,6 +203,100 @@ class _WheelGuard(QObject):
         return False
 
 
+class Expander(QToolButton):
+    """A button that shows and hides what most do not need; it is hidden at first.
+
+    Parameters
+    ----------
+    box : QWidget
+        What is shown and hidden.
+    tip : str
+        What it does.
+    parent : QWidget
+        Qt's parent.
+    """
+
+    def __init__(self, box: QWidget, tip: str, parent: QWidget) -> None:
+        super().__init__(parent)
+        self._box = box
+        self.setCheckable(True)
+        self.setAutoRaise(True)
+        self.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextBesideIcon)
+        self.setToolTip(tip)
+        self.toggled.connect(self._show_box)
+        self._show_box(False)
+
+    def show_text(self, text: str) -> None:
+        """Show another text."""
+        self.setText(text)
+        self.setAccessibleName(text)
+
+    def _show_box(self, shown: bool) -> None:
+        self.setArrowType(Qt.ArrowType.DownArrow if shown else Qt.ArrowType.RightArrow)
+        self._box.setVisible(shown)
+
+
+def keep_narrow(box: QComboBox, letters: int) -> None:
+    """Let a box be as wide as some letters; the list that opens shows all.
+
+    Parameters
+    ----------
+    box : QComboBox
+        The box.
+    letters : int
+        How many it has room for at least.
+    """
+    box.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
+    box.setMinimumContentsLength(letters)
+
+
+def choose_button(line: QLineEdit, title: str, kinds: str = "", place: Callable[[], str] = str) -> QPushButton:
+    """Return a button that asks for a file and writes its path into a line.
+
+    Parameters
+    ----------
+    line : QLineEdit
+        Where the path stands.
+    title : str
+        Of the dialog.
+    kinds : str
+        Filter of the files; without one a folder is asked for.
+    place : callable () -> str
+        Where to begin if the line is empty.
+    """
+    button = QPushButton(QCoreApplication.translate("Fields", "Choose…"), line.parentWidget())
+
+    def choose() -> None:
+        start = line.text().strip() or place()
+        if kinds:
+            name, _ = QFileDialog.getOpenFileName(button, title, start, kinds)
+        else:
+            name = QFileDialog.getExistingDirectory(button, title, start)
+        line.setText(name or line.text())
+
+    button.clicked.connect(choose)
+    return button
+
+
+def set_up_number(box: QDoubleSpinBox, within: tuple[float, float], decimals: int, suffix: str) -> None:
+    """Set up the box of a number.
+
+    Parameters
+    ----------
+    box : QDoubleSpinBox
+        The box.
+    within : tuple of float
+        Least and largest number.
+    decimals : int
+        Digits behind the point.
+    suffix : str
+        The unit.
+    """
+    box.setRange(*within)
+    box.setDecimals(decimals)
+    box.setSuffix(suffix)
+
+
 class FoundOrGiven(QWidget):
     """Found, or given: two buttons and a number.
 
@@ -254,86 +355,15 @@ class FoundOrGiven(QWidget):
         self.changed.emit()
 
 
-_TITLES = {  # as short as the column of names: two or three words
-    "absolute_tolerance": "Least step of cost",
-    "add_random": "Jitter, for tests",
-    "alignment": "Markers aligned",
-    "alpha": "Pull to markers",
-    "alpha_final": "Pull at last",
-    "anneal": "Shake joints",
-    "assignment": "Points are matched",
-    "clustering": "Tracks are grouped",
-    "count": "Limbs are counted",
-    "filled": "Gaps filled",
-    "fit": "Way of fitting",
-    "flatness": "Flat as a line",
-    "flexibility": "Limbs may bend by",
-    "hinge_wobble": "Hinges may wobble",
-    "kind_doubt": "Doubt about types",
-    "kinds": "Known joint types",
-    "kmeans": "Groups improved",
-    "link_evidence": "Evidence for a cut",
-    "local_scaling": "Scale by neighbour",
-    "max_gap": "Longest gap bridged",
-    "max_jump": "Farthest jump",
-    "measure": "Distances compared",
-    "method": "Way of working",
-    "misfit_weight": "Weight of misfit",
-    "mute": "Ignored after jump",
-    "n_bodies": "Bodies, 0 to find",
-    "n_nearest": "Nearest limbs tried",
-    "n_neighbours": "Neighbours aligned",
-    "outlier": "Left out on a limb",
-    "outlier_limit": "Left out beyond",
-    "rate": "Rate, 0 as recorded",
-    "recorded_rate": "Rate, 0 as stated",
-    "robust": "Left out of the fit",
-    "parted": "No joints between",
-    "joined": "Joints between",
-    "prediction": "Next place expected",
-    "rotation": "Points are aligned",
-    "sampling": "Frames between",
-    "separate": "Separate bodies",
-    "slips": "Find slipped markers",
-    "repair": "Repair labels",
-    "solver": "Joints computed",
-    "sigma_squared": "Scale squared",
-}
-
-_CHOICES = {
-    "average": "mean distance",
-    "complete": "largest distance",
-    "spectral": "spectral",
-    "global-spectral": "spectral, one scale",
-    "closed-form": "directly",
-    "conjugate-gradient": "step by step",
-    "deviation": "standard deviation",
-    "distances": "by distances alone",
-    "double_exponential": "smoothed trend",
-    "constant_velocity": "as it moved last",
-    "none": "where it was",
-    "eigengap": "by eigenvalues",
-    "fletcher-reeves": "Fletcher and Reeves",
-    "polak-ribiere": "Polak and Ribière",
-    "greedy": "nearest first",
-    "optimal": "all together",
-    "horn": "quaternions (Horn)",
-    "umeyama": "SVD (Umeyama)",
-    "local": "neighbours only",
-    "whole": "all markers",
-    "rigidity": "what stays rigid",
-    "rising": "one more each time",
-    "root-outward": "limb after limb",
-    "whole-chain": "all limbs together",
-    "rotation": "by rotations",
-    "sets": "sets of tracks (classic)",
-}
-_OF_STAGES = frozenset(_TITLES)  # other forms use some of these words otherwise
+@cache
+def _words() -> dict[str, dict[str, str]]:
+    """What parameters and their choices are called, by their names in files."""
+    return tomllib.loads(Path(__file__).with_name("tables").joinpath("words.toml").read_text(encoding="utf-8"))
 
 
 def title_of(declaration: Declaration) -> str:
     """Return what a parameter is called in a form."""
-    title = _TITLES.get(declaration.name, declaration.name.replace("_", " ").capitalize())
+    title = _words()["parameters"].get(declaration.name, declaration.name.replace("_", " ").capitalize())
     return QCoreApplication.translate("Parameters", title)
 
 
@@ -347,5 +377,6 @@ def choice_of(declaration: Declaration, choice: str) -> str:
     choice : str
         Its name in files.
     """
-    words = _CHOICES.get(choice, choice) if declaration.name in _OF_STAGES else choice
+    is_of_stage = declaration.name in _words()["parameters"]  # other forms use some of these words otherwise
+    words = _words()["choices"].get(choice, choice) if is_of_stage else choice
     return QCoreApplication.translate("Parameters", words)

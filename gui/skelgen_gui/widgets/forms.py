@@ -11,8 +11,8 @@ from PySide6.QtWidgets import QGridLayout, QLabel, QPushButton, QToolButton, QWi
 
 from skelgen.errors import ParameterError
 from skelgen.parameters import Declaration, ParameterValue, StageParameters
-from skelgen_gui.widgets.fields import choice_of, editor_for, title_of
-from skelgen_gui.widgets.layouts import bare_column, describe
+from skelgen_gui.widgets.fields import Expander, choice_of, editor_for, title_of
+from skelgen_gui.widgets.layouts import bare_column, describe, wrap
 from skelgen_gui.widgets.painting import CHANGED_ROLE, PROBLEM_ROLE
 
 # Returns the clean value of what was entered for a declaration, or raises `ParameterError`
@@ -129,9 +129,8 @@ class FormRow(QObject):
         self.reset_button.setAutoRaise(True)
         self.reset_button.setAccessibleName(self.tr("Reset {0}").format(self._title))
         self.reset_button.setToolTip(self.tr("Back to the default, {0}").format(self._default_text()))
-        self._problem.setWordWrap(True)
+        wrap(self._problem)
         self._problem.setForegroundRole(PROBLEM_ROLE)
-        self._problem.setTextFormat(Qt.TextFormat.PlainText)
 
     def _default_text(self) -> str:
         default = self.declaration.default
@@ -210,14 +209,13 @@ class ParameterForm(QWidget):
         self._unit_width = max((wide(entry.unit) for entry in declarations), default=0)
         self._boxes = QWidget(self), QWidget(self)
         self._basic = self._filled(self._boxes[0], basic, check)
-        self._expander = QToolButton(self)  # each when it is its turn: Tab goes in this order
+        tip = self.tr("Show or hide the parameters that most takes do not need")
+        self._expander = Expander(self._boxes[1], tip, self)  # each when it is its turn: Tab goes in this order
         self._advanced = self._filled(self._boxes[1], [entry for entry in declarations if entry not in basic], check)
         self._help = QLabel(self)
-        self._help.setWordWrap(True)
+        wrap(self._help, self.tr("What the chosen parameter means"))
         self._help.setAlignment(Qt.AlignmentFlag.AlignTop)
-        self._help.setTextFormat(Qt.TextFormat.PlainText)
         self._help.setMinimumHeight(_HELP_LINES * self._help.fontMetrics().lineSpacing())  # the form does not jump
-        self._help.setAccessibleName(self.tr("What the chosen parameter means"))
         self._reset_all = QPushButton(self.tr("Reset all"), self)
         self._lay_out()
         self._help.setText(self._basic[0].help_text() if self._basic else "")
@@ -272,17 +270,7 @@ class ParameterForm(QWidget):
         layout.addStretch(1)
         describe(self._reset_all, self.tr("Reset all parameters"), self.tr("Return all parameters to their defaults"))
         self._reset_all.clicked.connect(self.reset)
-        self._expander.setCheckable(True)
-        self._expander.setAutoRaise(True)
-        self._expander.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextBesideIcon)
-        self._expander.setToolTip(self.tr("Show or hide the parameters that most takes do not need"))
         self._expander.setVisible(bool(self._advanced))
-        self._expander.toggled.connect(self._show_advanced)
-        self._show_advanced(False)
-
-    def _show_advanced(self, shown: bool) -> None:
-        self._expander.setArrowType(Qt.ArrowType.DownArrow if shown else Qt.ArrowType.RightArrow)
-        self._boxes[1].setVisible(shown)
 
     def _follow_edit(self) -> None:
         if not self._is_filling:
@@ -293,8 +281,7 @@ class ParameterForm(QWidget):
         n_changed = sum(row.is_changed for row in self._advanced)
         counts = self.tr("{0}, {1} changed") if n_changed else "{0}"
         counts = counts.format(len(self._advanced), n_changed)
-        self._expander.setText(self.tr("Advanced ({0})").format(counts))
-        self._expander.setAccessibleName(self._expander.text())
+        self._expander.show_text(self.tr("Advanced ({0})").format(counts))
         if any(row.problem for row in self._advanced):
             self._expander.setChecked(True)
         self.changed.emit()

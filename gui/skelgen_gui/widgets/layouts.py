@@ -7,8 +7,11 @@ from PySide6.QtCore import QAbstractTableModel, QModelIndex, QObject, QPersisten
 from PySide6.QtWidgets import (
     QAbstractItemView,
     QBoxLayout,
+    QDialog,
+    QDialogButtonBox,
     QHBoxLayout,
     QHeaderView,
+    QLabel,
     QLayout,
     QScrollArea,
     QTableView,
@@ -33,6 +36,21 @@ def describe(widget: QWidget, name: str, tip: str = "") -> None:
     """
     widget.setAccessibleName(name)
     widget.setToolTip(tip or name)
+
+
+def wrap(label: QLabel, name: str = "") -> None:
+    """Let a label break its lines and take its text as it is: names may look like tags.
+
+    Parameters
+    ----------
+    label : QLabel
+        What is described.
+    name : str
+        What it shows, for screen readers.
+    """
+    label.setWordWrap(True)
+    label.setTextFormat(Qt.TextFormat.PlainText)
+    label.setAccessibleName(name)
 
 
 def row_of(*widgets: QWidget, room: bool = False) -> QHBoxLayout:
@@ -122,6 +140,22 @@ def fill(layout: QBoxLayout, parts: Iterable[QWidget | QLayout]) -> None:
             layout.addWidget(part)
         else:
             layout.addLayout(part)
+
+
+def answer_buttons(dialog: QDialog, accepting: QDialogButtonBox.StandardButton) -> QDialogButtonBox:
+    """Return the buttons that accept a dialog and cancel it.
+
+    Parameters
+    ----------
+    dialog : QDialog
+        What is answered.
+    accepting : QDialogButtonBox.StandardButton
+        The button that accepts it.
+    """
+    buttons = QDialogButtonBox(accepting | QDialogButtonBox.StandardButton.Cancel, parent=dialog)
+    buttons.accepted.connect(dialog.accept)
+    buttons.rejected.connect(dialog.reject)
+    return buttons
 
 
 def column(parent: QWidget, parts: Iterable[QWidget | QLayout]) -> QVBoxLayout:

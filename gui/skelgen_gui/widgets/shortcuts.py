@@ -5,8 +5,10 @@ keys that they need themselves (`KeyKeeper`). Texts are translated in the contex
 ring surrounds what has the focus.
 """
 
+import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 from PySide6.QtCore import QCoreApplication, QEvent, QObject, QRectF, Qt
 from PySide6.QtGui import QAction, QKeyEvent, QKeySequence, QPainter, QPaintEvent, QPalette, QPen
@@ -36,9 +38,6 @@ _SIZE = (640, 560)  # px, of the dialog
 
 SEPARATOR = "-"
 """Stands for a line between the entries of a menu."""
-
-
-_FILE, _EDIT, _RUN, _PLAY, _VIEW, _HELP = "&File", "&Edit", "&Run", "&Play", "&View", "&Help"
 
 
 @dataclass(frozen=True)
@@ -72,59 +71,10 @@ class Command:
     is_checkable: bool = False
 
 
-COMMANDS: tuple[Command, ...] = (
-    Command("open", _FILE, "&Open…", "Ctrl+O", "Open a recording or a project", in_tool_bar=True),
-    Command("open_with", _FILE, "Open &with options…", tip="Open a recording with another rate, unit, axis or part"),
-    Command("compare", _FILE, "&Compare with…", "Ctrl+Shift+O", "Overlay another project of the same recording"),
-    Command("compare_none", _FILE, "Stop co&mparing", "Ctrl+Shift+W", "Show one result alone again"),
-    Command(SEPARATOR, _FILE),
-    Command("save", _FILE, "&Save", "Ctrl+S", "Save the project", in_tool_bar=True),
-    Command("save_as", _FILE, "Save &as…", "Ctrl+Shift+S", "Save the project in another file"),
-    Command("export", _FILE, "&Export…", "Ctrl+E", "Write the results for other programs"),
-    Command(SEPARATOR, _FILE),
-    Command("quit", _FILE, "&Quit", "Ctrl+Q", "Close the window; asks first if something is not saved"),
-    Command("undo", _EDIT, "&Undo", "Ctrl+Z", "Take back the last change", in_tool_bar=True),
-    Command("redo", _EDIT, "&Redo", "Ctrl+Shift+Z", "Make the change again that was taken back", in_tool_bar=True),
-    Command(SEPARATOR, _EDIT),
-    Command("select_all", _EDIT, "Select &all markers", "Ctrl+A", "Select all markers"),
-    Command("select_none", _EDIT, "Select &nothing", "Ctrl+Shift+A", "Select nothing"),
-    Command("rename", _EDIT, "Rena&me", "F2", "Type another name for the selected limb, joint or marker"),
-    Command("labelling", _EDIT, "&Label markers", "Ctrl+L", "Name markers, what needs most work first"),
-    Command("preferences", _EDIT, "&Preferences…", "Ctrl+,", "Colours, axes and autosave"),
-    Command("run_step", _RUN, "Run this &step", "Ctrl+R", "Run the step of the page shown", in_tool_bar=True),
-    Command("run_all", _RUN, "Run &all", "Ctrl+Shift+R", "Run what is missing, or all anew", in_tool_bar=True),
-    Command("subject", _RUN, "S&keleton of another take…", "Ctrl+K", "Pose this take by a calibrated skeleton"),
-    Command("cancel", _RUN, "&Cancel", "Ctrl+.", "Stop what is running; results stay as they were"),
-    Command(SEPARATOR, _RUN),
-    Command("load_parameters", _RUN, "L&oad parameters…", tip="Take the parameters of all steps from a config.xml"),
-    Command("save_parameters", _RUN, "Sa&ve parameters…", tip="Write the parameters of all steps as a config.xml"),
-    Command("clear_parameters", _RUN, "Para&meters as at first", tip="Set the parameters of all steps back"),
-    Command(SEPARATOR, _RUN),
-    Command("next_page", _RUN, "&Next page", "Ctrl+PgDown", "Go to the next step"),
-    Command("previous_page", _RUN, "&Previous page", "Ctrl+PgUp", "Go to the step before"),
-    Command("full_screen", _VIEW, "F&ull screen", "F11", "Fill the screen", is_checkable=True),
-    Command("reset_layout", _VIEW, "&Reset layout", tip="Put panels and tool bar where they are at first"),
-    Command("play", _PLAY, "&Play", "Space", "Play or pause", in_tool_bar=True, is_checkable=True),
-    Command("loop", _PLAY, "&Loop", "L", "Begin again at the end of the range", is_checkable=True),
-    Command(SEPARATOR, _PLAY),
-    Command("next_frame", _PLAY, "&Next frame", "Right", "One frame on"),
-    Command("previous_frame", _PLAY, "Pre&vious frame", "Left", "One frame back"),
-    Command("next_second", _PLAY, "Next &second", "Shift+Right", "One second on"),
-    Command("previous_second", _PLAY, "Previous s&econd", "Shift+Left", "One second back"),
-    Command("first_frame", _PLAY, "&First frame", "Home", "Go to the beginning"),
-    Command("last_frame", _PLAY, "Las&t frame", "End", "Go to the end"),
-    Command("faster", _PLAY, "Faste&r", "+", "Play faster"),
-    Command("slower", _PLAY, "Slo&wer", "-", "Play slower"),
-    Command(SEPARATOR, _PLAY),
-    Command("range_from", _PLAY, "Range from &here", "I", "Play from this frame on"),
-    Command("range_to", _PLAY, "Range &up to here", "O", "Play up to this frame"),
-    Command("range_all", _PLAY, "Wh&ole take", "A", "Play the whole take"),
-    Command(SEPARATOR, _PLAY),
-    Command("next_doubt", _PLAY, "Next &doubt", "D; F3", "Go to the next doubtful marker"),
-    Command("previous_doubt", _PLAY, "Previous dou&bt", "Shift+D; Shift+F3", "Go to the doubtful marker before"),
-    Command("tutorial", _HELP, "&First steps", tip="From a sample to a skeleton in five minutes"),
-    Command("shortcuts", _HELP, "&Keyboard shortcuts", "F1", "List all keys"),
-    Command("about", _HELP, "&About skelgen", tip="Versions of the program and its parts"),
+COMMANDS = tuple(
+    Command(menu=menu, **entry)
+    for menu, entries in tomllib.loads((Path(__file__).parent / "tables" / "commands.toml").read_text("utf-8")).items()
+    for entry in entries
 )
 """All commands, in the order of the menus."""
 

@@ -73,6 +73,13 @@ def plain(value: float) -> str:
     return f"{value:.6g}".replace("-", _MINUS)
 
 
+def shown(value: object) -> str:
+    """Return the value of a parameter: yes or no, a number without needless zeros, or a text."""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return plain(value) if isinstance(value, float) else str(value)
+
+
 def fixed(value: float, decimals: int) -> str:
     """Return a number with fixed decimals, a proper minus sign, and a dash for NaN.
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from jinja2 import DictLoader, Environment, StrictUndefined
 
+from skelgen.app.drawing.wording import degrees, digits, duration, fixed, percent, shown
 from skelgen.app.report.contents import ReportContent, ViewContent, report_content, view_content
 from skelgen.errors import InputError
 from skelgen.files import replacing
@@ -17,6 +18,7 @@ from skelgen.progress import SILENT, Monitor
 
 __all__ = ["report_html", "write_report", "write_view"]
 
+_FILTERS = {words.__name__: words for words in (degrees, digits, duration, fixed, percent, shown)}
 _TEMPLATES = ("template.html", "labels.html", "style.html", "macros.html", "play.html", "view.html")
 
 
@@ -99,4 +101,5 @@ def _rendered(template: str, content: ReportContent | ViewContent) -> str:
     environment = Environment(
         loader=DictLoader(sources), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
+    environment.filters.update(_FILTERS)
     return environment.get_template(template).render(vars(content))

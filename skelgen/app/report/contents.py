@@ -2,6 +2,7 @@
 
 import platform
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from importlib import metadata
 from pathlib import PurePath
@@ -10,26 +11,31 @@ import numpy as np
 from markupsafe import Markup
 
 import skelgen
+from skelgen.app import STAGE_SUMMARIES
 from skelgen.app.advice import doubtful_share
+from skelgen.app.configuration import parameters_class
 from skelgen.app.drawing import measures, svg
 from skelgen.app.drawing.graph import CostGraph, find_cost_graph
 from skelgen.app.drawing.scales import limb_colour
 from skelgen.app.drawing.wording import duration, millimetres, percent, plain
-from skelgen.app.report.angles import AnglesContent, angles_content
 from skelgen.app.report.curves import points_figure
-from skelgen.app.report.joints import JointsContent, LengthsContent, joints_content, lengths_content
-from skelgen.app.report.labels import LabelsContent, labels_content
+from skelgen.app.report.joints import (
+    AnglesContent,
+    JointsContent,
+    LengthsContent,
+    angles_content,
+    joints_content,
+    lengths_content,
+)
+from skelgen.app.report.labels import GapsContent, LabelsContent, gaps_content, labels_content
 from skelgen.app.report.limbs import DeviationsContent, LimbsContent, deviations_content, limbs_content
-from skelgen.app.report.pictures import cost_figure, gaps_figure
+from skelgen.app.report.pictures import cost_figure
 from skelgen.app.report.play import PlayContent, play_content
 from skelgen.app.report.skeleton import graph_figure, pose_figures, sign_figure, tree_figure
-from skelgen.app.report.stages import StageRow, stage_rows
 from skelgen.app.stage_summary import stage_notices
-from skelgen.app.tables import column_rows
-from skelgen.kinematics.gap_filling.filling import fill_project
 from skelgen.model import PointCloud, Poses, Project
-from skelgen.model.filled import PositionSource
 from skelgen.model.skeleton import JOINT_TYPES
+from skelgen.parameters import Declaration
 from skelgen.progress import SILENT, Monitor, counted, listed
 
 _LIBRARIES = ("numpy", "scipy")
@@ -38,12 +44,6 @@ _KIND_WORDS = {
     "PointCloud": "unlabelled points",
     "Trajectories": "labelled markers",
     "Poses": "bodies with position and orientation",
-}
-_SOURCE_WORDS = {
-    PositionSource.LIMB: "Filled from limb",
-    PositionSource.JOINT: "Filled with joint",
-    PositionSource.INTERPOLATED: "Interpolated",
-    PositionSource.PATTERN: "By another marker",
 }
 _SIGN_SIDE = 18.0
 
@@ -64,23 +64,31 @@ class InputContent:
     figure: Markup | None = None
 
 
-@dataclass(frozen=True, eq=False)
-class GapsContent:
-    """The section of when each marker is seen.
+@dataclass(frozen=True)
+class StageRow:
+    """A stage that ran.
 
     Attributes
     ----------
-    figure : Markup
-        Timeline of all markers.
-    facts : list of tuple of str
-        Names and values.
-    can_fill : bool
-        Whether there are gaps, and a skeleton that fills them.
+    name, summary : str
+        What it is called, and what it does.
+    seconds : float, s
+        How long it took; 0 where that is not known, as of a batch, which keeps times apart.
+    share : float
+        Its part of the time of all stages.
+    parameters : sequence of tuple
+        Name and value of each parameter with which it ran, and what is declared of it, if this version knows it; empty
+        where they are not known.
+    changed : list of str
+        Parameters whose value is not the default.
     """
 
-    figure: Markup
-    facts: list[tuple[str, str]]
-    can_fill: bool = False
+    name: str
+    summary: str
+    seconds: float
+    share: float
+    parameters: Sequence[tuple[str, object, Declaration | None]]
+    changed: list[str]
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,7 +193,7 @@ def report_content(project: Project, monitor: Monitor = SILENT) -> ReportContent
         tiles=_tiles(project),
         input=_input(project),
         notices=_notices(project),
-        stages=stage_rows(project),
+        stages=_stages(project),
         versions=[("skelgen", skelgen.__version__), *libraries, ("Python", platform.python_version())],
         seed=project.seed,
         colours=_colours(project),
@@ -193,7 +201,7 @@ def report_content(project: Project, monitor: Monitor = SILENT) -> ReportContent
     )
     if project.has("labels") and project.trajectories.n_frames and project.trajectories.n_markers:
         labels = labels_content(project) if project.has_labelling else None
-        content = replace(content, gaps=_gaps(project, monitor), labels=labels)
+        content = replace(content, gaps=gaps_content(project, monitor), labels=labels)
     if project.has("limbs") and project.limbs.n_limbs:
         content = replace(content, limbs=limbs_content(project))
     if project.has("joints") and project.topology.n_joints:
@@ -203,7 +211,7 @@ def report_content(project: Project, monitor: Monitor = SILENT) -> ReportContent
             tree=_tree(project, graph, lengths),
             joints=joints_content(project, graph),
             lengths=lengths_content(project, lengths),
-            angles=angles_content(project, graph) if project.has("skeleton") else None,
+            angles=angles_content(project) if project.has("skeleton") else None,
         )
     if project.has("skeleton") and project.skeleton.n_limbs:
         content = replace(content, pose=pose_figures(project))
@@ -348,32 +356,17 @@ def _input(project: Project) -> InputContent:
     return InputContent([*facts, ("Markers", str(take.n_markers))])
 
 
-def _gaps(project: Project, monitor: Monitor) -> GapsContent:
-    """Timeline and facts; with a skeleton, what the gaps can be filled from."""
-    facts = _gap_facts(project)
-    if not project.has("skeleton") or project.trajectories.seen.all():
-        return GapsContent(gaps_figure(project), facts)
-    filled = fill_project(project, monitor)
-    for source, words in _SOURCE_WORDS.items():
-        stds = filled.std[filled.source == source]
-        if len(stds):
-            facts.append((words, f"{len(stds)} (± {millimetres(float(np.median(stds)))})"))
-    return GapsContent(gaps_figure(project, filled), facts, can_fill=True)
-
-
-def _gap_facts(project: Project) -> list[tuple[str, str]]:
-    rows = column_rows(project.trajectories)
-    longest = max(rows, key=lambda row: row["longest_gap"] or 0)
-    complete = sum(not row["gaps"] for row in rows)
-    facts = [
-        ("Seen", percent(float(project.trajectories.seen.mean()))),
-        ("Gaps", str(sum(row["gaps"] or 0 for row in rows))),
-        ("Markers without a gap", f"{complete} of {len(rows)}"),
-    ]
-    if frames := longest["longest_gap"]:
-        time = duration(frames / project.trajectories.rate)
-        facts.append(("Longest gap", f"{counted(frames, 'frame')} ({time}) at {longest['name']}"))
-    return facts
+def _stages(project: Project) -> list[StageRow]:
+    """The stages that have run, in the order of the pipeline."""
+    rows = []
+    for stage in (stage for stage in STAGE_SUMMARIES if stage in project.reports):
+        report = project.reports[stage]
+        declared = {each.name: each for each in parameters_class(stage).declarations()} if report.parameters else {}
+        parameters = [(name, value, declared.get(name)) for name, value in report.parameters.items()]
+        changed = [name for name, value, entry in parameters if entry is not None and value != entry.default]
+        share = report.seconds / max(sum(one.seconds for one in project.reports.values()), 1e-9)
+        rows.append(StageRow(stage, STAGE_SUMMARIES[stage], report.seconds, share, parameters, changed))
+    return rows
 
 
 def _notices(project: Project) -> list[tuple[str, str]]:

@@ -1,5 +1,6 @@
-"""What the report says of joints: their table, joints that hold for a part of the take, and lengths between joints."""
+"""What the report says of joints: their table, those of a part of the take, lengths between them, and their angles."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -7,32 +8,28 @@ from markupsafe import Markup
 
 from skelgen.app.drawing import measures
 from skelgen.app.drawing.graph import CostGraph, JointCost
-from skelgen.app.drawing.wording import degrees, digits, fixed, plain, whole_percent
-from skelgen.app.report.curves import common_reach, spread_figure
+from skelgen.app.drawing.wording import digits, plain, whole_percent
+from skelgen.app.report.curves import angle_figure, common_reach, spread_figure
+from skelgen.kinematics.inverse.inverse_kinematics import Posture, posture_of
+from skelgen.kinematics.inverse.motion import MOST_FRAMES
+from skelgen.kinematics.joints.angles import angle_names
+from skelgen.kinematics.joints.observability import RangeOfMotion, observed_joints
 from skelgen.model import Joint, Project
-from skelgen.model.arrays import Floats
+from skelgen.model.arrays import Floats, spread_frames
+from skelgen.model.joint_spans import JointSpan
+from skelgen.model.limbs import with_names_of_limbs
 
+_OPEN_FIGURES, _MOST_FIGURES = 2, 24
+"""Joints whose angles are drawn at once, and those that can be opened: a page of some megabytes is enough."""
 
-@dataclass(frozen=True)
-class FittedCells:
-    """What the skeleton adds to the row of a joint; empty before the joint is fitted.
-
-    Attributes
-    ----------
-    kind, axis, axis_std : str
-        Type of the joint; its axis and the axis' standard deviation [deg], where there is one.
-    std, child_std : str
-        Standard deviations [mm] of its position in the parent and in the child.
-    placed_by : str
-        What places the joint where the motion does not: the marker set, or a choice.
-    """
-
-    kind: str = ""
-    axis: str = ""
-    axis_std: str = ""
-    std: str = ""
-    child_std: str = ""
-    placed_by: str = ""
+_ANGLE_WORDS = {
+    "turn": "about its axis",
+    "first": "about the axis in the parent",
+    "second": "about the axis in the child",
+    "x": "x",
+    "y": "y",
+    "z": "z",
+}
 
 
 @dataclass(frozen=True)
@@ -41,56 +38,26 @@ class JointRow:
 
     Attributes
     ----------
-    joint, parent, child : int
-        Indices of the joint and of the limbs that it connects.
+    joint : JointCost
+        The limbs that it connects, and its cost in the tree.
     called : str
         Name of the joint; empty where it has none.
-    cost, value : str
-        Its cost in the tree, and the final cost over all frames [mm^2].
+    value : float, mm^2
+        The final cost over all frames.
     iterations : int
         Steps until the final cost.
     rival : str
         The cheapest other joint, and its cost.
     probability : str
         How likely its limbs are neighbours; where that is doubtful, also how likely those of the rival are.
-    is_doubtful : bool
-        Whether its limbs are perhaps no neighbours.
-    fitted : FittedCells
-        What the skeleton adds.
     """
 
-    joint: int
-    parent: int
-    child: int
+    joint: JointCost
     called: str
-    cost: str
-    value: str
+    value: float
     iterations: int
     rival: str
     probability: str
-    is_doubtful: bool
-    fitted: FittedCells
-
-
-@dataclass(frozen=True)
-class SpanRow:
-    """A joint that holds for a part of the take only, as the report words it.
-
-    Attributes
-    ----------
-    limbs : tuple of int
-        The two limbs.
-    frames, how : str
-        First and last frame; whether the limbs are joined or fixed to each other.
-    gap, beyond : str
-        Distance between the two halves of the joint [mm] in these frames, and in the others.
-    """
-
-    limbs: tuple[int, int]
-    frames: str
-    how: str
-    gap: str
-    beyond: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,17 +68,18 @@ class JointsContent:
     ----------
     rows : list of JointRow
         Every joint.
-    spans : list of SpanRow
+    spans : sequence of JointSpan
         Joints that hold for a part of the take only.
-    is_fitted : bool
-        Whether there is a skeleton.
+    fitted : list of tuple
+        Every joint of the skeleton, the standard deviations [mm] of its position in the parent and in the child, and
+        what places it where the motion does not: the marker set, or a choice. Empty before there is a skeleton.
     alpha : str
         Weight of the distance from the markers in the cost.
     """
 
     rows: list[JointRow]
-    spans: list[SpanRow]
-    is_fitted: bool
+    spans: Sequence[JointSpan]
+    fitted: list[tuple[Joint, str, str, str]]
     alpha: str
 
 
@@ -126,34 +94,19 @@ def joints_content(project: Project, graph: CostGraph) -> JointsContent:
         What `find_cost_graph` gives.
     """
     topology = project.topology
-    fitted = [_fitted(joint) for joint in project.skeleton.joints] if project.has("skeleton") else None
     rows = [
         JointRow(
-            joint=index,
-            parent=joint.parent,
-            child=joint.child,
+            joint=joint,
             called=measures.joint_called(project, index),
-            cost=digits(joint.cost),
-            value=digits(topology.values[index]),
+            value=float(topology.values[index]),
             iterations=int(topology.n_iterations[index]),
             rival=_rival(joint),
             probability=_probability(joint),
-            is_doubtful=joint.is_doubtful,
-            fitted=FittedCells() if fitted is None else fitted[index],
         )
         for index, joint in enumerate(graph.joints)
     ]
-    spans = [
-        SpanRow(
-            limbs=span.limbs,
-            frames=f"{span.first_frame} to {span.last_frame}",
-            how="fixed to each other" if span.is_fixed else "joined",
-            gap=fixed(span.gap, 1),
-            beyond=fixed(span.gap_beyond, 1),
-        )
-        for span in topology.spans
-    ]
-    return JointsContent(rows, spans, is_fitted=fitted is not None, alpha=plain(topology.alpha))
+    fitted = [_fitted(joint) for joint in project.skeleton.joints] if project.has("skeleton") else []
+    return JointsContent(rows, topology.spans, fitted, plain(topology.alpha))
 
 
 def _probability(joint: JointCost) -> str:
@@ -173,16 +126,9 @@ def _rival(joint: JointCost) -> str:
     return f"{joint.rival[0]}–{joint.rival[1]}: {digits(joint.cost + joint.margin)}{ratio}"
 
 
-def _fitted(joint: Joint) -> FittedCells:
+def _fitted(joint: Joint) -> tuple[Joint, str, str, str]:
     covariance = np.diag(joint.std**2) if joint.covariance is None else joint.covariance
-    return FittedCells(
-        kind=joint.kind,
-        axis="" if joint.axis is None else ", ".join(fixed(value, 2) for value in joint.axis.tolist()),
-        axis_std="" if joint.axis_std is None else degrees(float(np.linalg.norm(joint.axis_std))),
-        std=_place_std(joint, covariance),
-        child_std=_place_std(joint, joint.covariance_in_child),
-        placed_by=_placed_by(joint),
-    )
+    return joint, _place_std(joint, covariance), _place_std(joint, joint.covariance_in_child), _placed_by(joint)
 
 
 def _placed_by(joint: Joint) -> str:
@@ -206,49 +152,22 @@ def _place_std(joint: Joint, covariance: Floats | None) -> str:
     return f"{digits(float(np.sqrt(across)), 2)} across, {digits(float(np.sqrt(along)), 2)} along"
 
 
-@dataclass(frozen=True)
-class LengthRow:
-    """A length between two joints of a limb, as the report words it.
-
-    Attributes
-    ----------
-    limb : int
-        The limb.
-    joints : str
-        The two joints.
-    rigid, std : str
-        Length in the skeleton and its standard deviation [mm].
-    raw, spread : str
-        Mean and standard deviation over frames of the distance between raw joint positions [mm].
-    figure : Markup
-        Box and whiskers of that distance.
-    """
-
-    limb: int
-    joints: str
-    rigid: str
-    std: str
-    raw: str
-    spread: str
-    figure: Markup
-
-
 @dataclass(frozen=True, eq=False)
 class LengthsContent:
     """The section of lengths between joints.
 
     Attributes
     ----------
-    rows : list of LengthRow
-        Every length.
-    reach : str
-        Half the width of their pictures [mm].
+    rows : list of tuple of Length and Markup
+        Every length, with box and whiskers of the distance between the raw joint positions.
+    reach : float, mm
+        Half the width of their pictures.
     has_rigid : bool
         Whether there is a skeleton.
     """
 
-    rows: list[LengthRow]
-    reach: str
+    rows: list[tuple[measures.Length, Markup]]
+    reach: float
     has_rigid: bool
 
 
@@ -263,16 +182,55 @@ def lengths_content(project: Project, lengths: list[measures.Length]) -> Lengths
         What `measures.joint_lengths` gives.
     """
     reach = common_reach(lengths)
-    rows = [
-        LengthRow(
-            limb=each.limb,
-            joints=f"J{each.first} – J{each.second}",
-            rigid=digits(each.rigid, 4),
-            std=digits(each.std, 2),
-            raw=digits(each.raw_mean, 4),
-            spread=digits(each.spread),
-            figure=spread_figure(each, reach),
+    rows = [(each, spread_figure(each, reach)) for each in lengths]
+    return LengthsContent(rows, reach, has_rigid=project.has("skeleton"))
+
+
+@dataclass(frozen=True, eq=False)
+class AnglesContent:
+    """The section of joint angles.
+
+    Attributes
+    ----------
+    motions : list of RangeOfMotion
+        Of every joint.
+    figures : list of tuple
+        Title and drawing of the angles of each joint that is drawn.
+    n_open : int
+        Figures that are open when the page is loaded.
+    sentences : list of str
+        What the motion does not determine.
+    words : mapping of str to str
+        What angles are called.
+    """
+
+    motions: list[RangeOfMotion]
+    figures: list[tuple[str, Markup]]
+    n_open: int
+    sentences: list[str]
+    words: Mapping[str, str]
+
+
+def angles_content(project: Project) -> AnglesContent:
+    """Return the section of joint angles of a project with a skeleton."""
+    skeleton, motion, positions = project.skeleton, project.motion, project.trajectories.positions
+    observed = observed_joints(skeleton, motion)
+    frames = spread_frames(motion.n_frames, MOST_FRAMES)
+    posture = posture_of(skeleton, motion, positions, frames)
+    times = frames / motion.rate
+    called = project.limbs.called
+    figures = [
+        (
+            f"J{index}: {joint.kind} between {called(joint.parent)} and {called(joint.child)}",
+            _figure(posture, joint, index, times),
         )
-        for each in lengths
+        for index, joint in enumerate(skeleton.joints[:_MOST_FIGURES])
+        if angle_names(joint)
     ]
-    return LengthsContent(rows, digits(reach, 2), has_rigid=project.has("skeleton"))
+    sentences = [with_names_of_limbs(seen.notice, project.limbs) for seen in observed if seen.sentence]
+    return AnglesContent([seen.motion for seen in observed], figures, _OPEN_FIGURES, sentences, _ANGLE_WORDS)
+
+
+def _figure(posture: Posture, joint: Joint, index: int, times: Floats) -> Markup:
+    names = tuple(_ANGLE_WORDS[name] for name in angle_names(joint))
+    return angle_figure(times, np.rad2deg(posture.angles[index]), np.rad2deg(posture.angle_std[index]), names)

@@ -1,4 +1,4 @@
-"""What the report says of the labels: how sure they are and where not, what can be done, what markers were made of.
+"""What the report says of the labels: gaps, how sure they are and where not, what can be done, what they were made of.
 
 Above, every track lies in a lane, coloured by the limb of the marker that it went to, grey if it was left out; below,
 the same tracks in a row per marker. Two shades take turns, so that tracks that follow each other look different.
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from skelgen.app.advice import REMEDIES, advice_on, doubtful_share, left_out_share
 from skelgen.app.drawing import measures, svg
 from skelgen.app.drawing.scales import limb_colour
-from skelgen.app.drawing.wording import duration, percent
+from skelgen.app.drawing.wording import duration, millimetres, percent
 from skelgen.app.report.pictures import (
     BOTTOM,
     LEAST_WIDTH,
@@ -24,6 +24,7 @@ from skelgen.app.report.pictures import (
     PLOT,
     WIDTH,
     confidence_figure,
+    gaps_figure,
     parted,
     png_uri,
     row_height,
@@ -31,10 +32,20 @@ from skelgen.app.report.pictures import (
     time_axis,
 )
 from skelgen.app.standing import open_questions
+from skelgen.app.tables import column_rows
+from skelgen.kinematics.gap_filling.filling import fill_project
 from skelgen.model import Labelling, PointCloud, Project
 from skelgen.model.arrays import Ints
+from skelgen.model.filled import PositionSource
 from skelgen.model.labelling import Doubt, Finding, Tracklets, seen_runs
-from skelgen.progress import counted
+from skelgen.progress import Monitor, counted
+
+_SOURCE_WORDS = {
+    PositionSource.LIMB: "Filled from limb",
+    PositionSource.JOINT: "Filled with joint",
+    PositionSource.INTERPOLATED: "Interpolated",
+    PositionSource.PATTERN: "By another marker",
+}
 
 _MOST_ROWS = 40
 """Doubtful spans in the table, the longest; the others are counted."""
@@ -43,46 +54,6 @@ _MOST_QUESTIONS = 10
 """Questions in the report, those that settle most."""
 
 _FINDING_WORDS = {"exchanged": "Labels exchanged", "moved": "Label on another marker", "slipped": "Marker slipped"}
-
-
-@dataclass(frozen=True)
-class DoubtRow:
-    """A span of a marker that is doubtful, as the report words it.
-
-    Attributes
-    ----------
-    name, frames, time, confidence : str
-        The marker, the span in frames and in time, and the least confidence in it.
-    reason, remedy : str
-        Why it is doubtful, and what to do.
-    """
-
-    name: str
-    frames: str
-    time: str
-    confidence: str
-    reason: str
-    remedy: str
-
-
-@dataclass(frozen=True)
-class FindingRow:
-    """An error of the labels in the file, as the report words it.
-
-    Attributes
-    ----------
-    kind, names, frames, time : str
-        What it is, of which labels, and the span in frames and in time.
-    evidence, outcome : str
-        What speaks for it, and what was done.
-    """
-
-    kind: str
-    names: str
-    frames: str
-    time: str
-    evidence: str
-    outcome: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,8 +66,12 @@ class LabelsContent:
         Names and values.
     advice, questions : list of str
         What could be done, and what the user could tell.
-    rows, findings : list of DoubtRow, list of FindingRow
-        Doubtful spans, the longest, and errors of the labels in the file, the first.
+    rate : float, Hz
+        Of the take.
+    rows : list of tuple of str, Doubt and str
+        The longest doubtful spans: marker, span, and what to do.
+    findings : list of tuple of str and Finding
+        Errors of the labels in the file, the first: what each is in words, and it.
     more, more_findings : int
         How many of both are not shown.
     confidence, tracks, marker_tracks : str
@@ -108,8 +83,9 @@ class LabelsContent:
     facts: list[tuple[str, str]]
     advice: Sequence[str]
     questions: list[str]
-    rows: list[DoubtRow]
-    findings: list[FindingRow]
+    rate: float
+    rows: list[tuple[str, Doubt, str]]
+    findings: list[tuple[str, Finding]]
     more: int
     more_findings: int
     confidence: str
@@ -120,15 +96,16 @@ class LabelsContent:
 
 def labels_content(project: Project) -> LabelsContent:
     """Return what the template shows of the labels of a project that knows how sure they are."""
-    labelling = project.labelling
+    labelling, names = project.labelling, project.trajectories.names
     drawn = labelling.tracklets if labelling.tracklets is not None and labelling.tracklets.n_parts else None
     shown = sorted(labelling.doubts, key=lambda doubt: doubt.first_frame - doubt.last_frame)[:_MOST_ROWS]
     return LabelsContent(
         facts=_facts(project),
         advice=advice_on(project),
-        questions=[one.sentence(project.trajectories.names) for one in open_questions(project)[:_MOST_QUESTIONS]],
-        rows=[_row(project, doubt) for doubt in sorted(shown, key=lambda doubt: doubt.first_frame)],
-        findings=[_finding_row(project, finding) for finding in labelling.findings[:_MOST_ROWS]],
+        questions=[one.sentence(names) for one in open_questions(project)[:_MOST_QUESTIONS]],
+        rate=project.trajectories.rate,
+        rows=[(names[one.marker], one, REMEDIES[one.kind]) for one in sorted(shown, key=lambda one: one.first_frame)],
+        findings=[(_FINDING_WORDS[finding.kind], finding) for finding in labelling.findings[:_MOST_ROWS]],
         more=len(labelling.doubts) - len(shown),
         more_findings=max(len(labelling.findings) - _MOST_ROWS, 0),
         confidence=confidence_figure(project),
@@ -155,34 +132,6 @@ def _facts(project: Project) -> list[tuple[str, str]]:
     facts.append(("Doubtful positions", percent(doubtful_share(labelling))))
     facts.append(("Pairs that no distance distinguishes", str(len(labelling.twins))))
     return facts
-
-
-def _finding_row(project: Project, finding: Finding) -> FindingRow:
-    rate = project.trajectories.rate
-    return FindingRow(
-        kind=_FINDING_WORDS[finding.kind],
-        names=" → ".join(finding.names),
-        frames=_span(str(finding.first_frame), str(finding.last_frame)),
-        time=_span(duration(finding.first_frame / rate), duration(finding.last_frame / rate)),
-        evidence=finding.evidence,
-        outcome=finding.outcome,
-    )
-
-
-def _row(project: Project, doubt: Doubt) -> DoubtRow:
-    rate = project.trajectories.rate
-    return DoubtRow(
-        name=project.trajectories.names[doubt.marker],
-        frames=_span(str(doubt.first_frame), str(doubt.last_frame)),
-        time=_span(duration(doubt.first_frame / rate), duration(doubt.last_frame / rate)),
-        confidence=percent(doubt.confidence),
-        reason=doubt.reason,
-        remedy=REMEDIES[doubt.kind],
-    )
-
-
-def _span(first: str, last: str) -> str:
-    return first if first == last else f"{first} – {last}"
 
 
 def _comparison(project: Project, labelling: Labelling) -> list[tuple[str, str, str, str]]:
@@ -327,3 +276,58 @@ def _painted(
         if rows[part] >= 0:
             pixels[rows[part], begins[part] : ends[part]] = rgba[part]
     return pixels
+
+
+@dataclass(frozen=True, eq=False)
+class GapsContent:
+    """The section of when each marker is seen.
+
+    Attributes
+    ----------
+    figure : Markup
+        Timeline of all markers.
+    facts : list of tuple of str
+        Names and values.
+    can_fill : bool
+        Whether there are gaps, and a skeleton that fills them.
+    """
+
+    figure: Markup
+    facts: list[tuple[str, str]]
+    can_fill: bool = False
+
+
+def gaps_content(project: Project, monitor: Monitor) -> GapsContent:
+    """Return the section of gaps; with a skeleton, what they can be filled from.
+
+    Parameters
+    ----------
+    project : Project
+        With labelled markers.
+    monitor : Monitor
+        Receives progress; may cancel.
+    """
+    facts = _gap_facts(project)
+    if not project.has("skeleton") or project.trajectories.seen.all():
+        return GapsContent(gaps_figure(project), facts)
+    filled = fill_project(project, monitor)
+    for source, words in _SOURCE_WORDS.items():
+        stds = filled.std[filled.source == source]
+        if len(stds):
+            facts.append((words, f"{len(stds)} (± {millimetres(float(np.median(stds)))})"))
+    return GapsContent(gaps_figure(project, filled), facts, can_fill=True)
+
+
+def _gap_facts(project: Project) -> list[tuple[str, str]]:
+    rows = column_rows(project.trajectories)
+    longest = max(rows, key=lambda row: row["longest_gap"] or 0)
+    complete = sum(not row["gaps"] for row in rows)
+    facts = [
+        ("Seen", percent(float(project.trajectories.seen.mean()))),
+        ("Gaps", str(sum(row["gaps"] or 0 for row in rows))),
+        ("Markers without a gap", f"{complete} of {len(rows)}"),
+    ]
+    if frames := longest["longest_gap"]:
+        time = duration(frames / project.trajectories.rate)
+        facts.append(("Longest gap", f"{counted(frames, 'frame')} ({time}) at {longest['name']}"))
+    return facts

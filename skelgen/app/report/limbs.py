@@ -10,6 +10,7 @@ from skelgen.app.drawing.wording import digits, percent
 from skelgen.app.report.curves import deviation_bars, residual_figure
 from skelgen.app.report.pictures import deviation_figure
 from skelgen.model import Limbs, Project
+from skelgen.model.arrays import Floats
 from skelgen.progress import counted, listed
 
 
@@ -90,35 +91,6 @@ def _doubts(limbs: Limbs) -> dict[int, str]:
 
 
 @dataclass(frozen=True)
-class Residuals:
-    """Mean, root mean square and largest residual [mm], as the report words them."""
-
-    mean: str
-    rms: str
-    largest: str
-
-
-@dataclass(frozen=True)
-class DeviationRow:
-    """A marker against the skeleton, as the report words it.
-
-    Attributes
-    ----------
-    name, seen : str
-        The marker, and in how many frames it is seen.
-    place : str
-        Largest standard deviation of its place on the limb [mm].
-    residuals : Residuals
-        Its distances from the skeleton's marker.
-    """
-
-    name: str
-    seen: str
-    place: str
-    residuals: Residuals
-
-
-@dataclass(frozen=True)
 class DeviationGroup:
     """The markers of a limb against the skeleton.
 
@@ -128,16 +100,16 @@ class DeviationGroup:
         Index of the limb.
     called : str
         What it is called.
-    rows : list of DeviationRow
+    rows : list of MarkerDeviation
         Its markers.
-    whole : Residuals
-        Of all of them.
+    whole : tuple of float, mm
+        Mean, root mean square and largest residual of all of them.
     """
 
     limb: int
     called: str
-    rows: list[DeviationRow]
-    whole: Residuals
+    rows: list[measures.MarkerDeviation]
+    whole: tuple[float, float, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,6 +120,8 @@ class DeviationsContent:
     ----------
     groups : list of DeviationGroup
         Every limb.
+    place_std : ndarray, shape (n_markers,), mm
+        Largest standard deviation of each marker's place on its limb; NaN where it is not known.
     bars, residual : Markup
         Figures of the markers' mean residuals, and of all residuals over time.
     interpolated : str
@@ -155,6 +129,7 @@ class DeviationsContent:
     """
 
     groups: list[DeviationGroup]
+    place_std: Floats
     bars: Markup
     residual: Markup
     interpolated: str
@@ -162,31 +137,21 @@ class DeviationsContent:
 
 def deviations_content(project: Project) -> DeviationsContent:
     """Return the sections of residuals of a project that has a skeleton."""
-    order = measures.subtree_markers(project)
+    order, stds = measures.subtree_markers(project), project.skeleton.offset_std
     rows = measures.marker_deviations(project.trajectories, project.limbs, project.motion, order)
     groups = []
     for limb in measures.limb_order(project):
         own = [row for row in rows if row.limb == limb]
         values = project.motion.residuals[:, [row.marker for row in own]]
-        whole = _residuals(*measures.spread_of(values[~np.isnan(values)]))
-        shown = [_deviation_row(project, row) for row in own]
-        groups.append(DeviationGroup(limb, project.limbs.called(limb), shown, whole))
+        whole = measures.spread_of(values[~np.isnan(values)])
+        groups.append(DeviationGroup(limb, project.limbs.called(limb), own, whole))
     return DeviationsContent(
         groups=groups,
+        place_std=np.full(project.trajectories.n_markers, np.nan) if stds is None else stds.max(axis=1),
         bars=deviation_bars([row for row in rows if row.limb >= 0]),
         residual=residual_figure(project.motion),
         interpolated=_interpolated(project),
     )
-
-
-def _deviation_row(project: Project, row: measures.MarkerDeviation) -> DeviationRow:
-    stds = project.skeleton.offset_std
-    place = "–" if stds is None else digits(float(stds[row.marker].max()), 2)
-    return DeviationRow(row.name, percent(row.seen), place, _residuals(row.mean, row.rms, row.largest))
-
-
-def _residuals(mean: float, rms: float, largest: float) -> Residuals:
-    return Residuals(digits(mean), digits(rms), digits(largest))
 
 
 def _interpolated(project: Project) -> str:

@@ -1,132 +1,38 @@
-"""Bundle adjustment of one camera or two that look at one board in several poses (Gaschler 2011, equations 4.8, 4.9).
+"""Bundle adjustment of cameras that look at a board or a wand: lenses, and all places at once.
 
-Gauss and Newton's method with exact derivatives, damped where the views hardly determine the cameras. At the minimum
-the normal matrix gives the standard deviations of all parameters, with the noise of the corners from what remains.
-Views that do not fit are left out: those that are blurred, moved between exposures, or have mistaken corners.
+Gauss and Newton's method with exact derivatives, damped (Levenberg and Marquardt). A board has six numbers in each
+frame, its pose, a wand five, so that known distances hold exactly and give the scale. Frames share no numbers but the
+cameras': they are eliminated one by one (Schur complement), and what is left to solve has fifteen numbers a camera. At
+the minimum its inverse gives the standard deviations of all cameras, with the noise from what remains; where that is
+normal they are the bound of Cramer and Rao (Gaschler 2011, equations 4.8, 4.9).
 """
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import ClassVar, Generic, Self, TypeVar
 
 import numpy as np
 
 from skelgen.capture.optics import distortion_jacobian
 from skelgen.errors import InputError
-from skelgen.geometry.rotations import N_POSE, cross_matrix, moved_points, moved_pose
+from skelgen.geometry.rotations import N_POSE, cross_matrix, moved_points, moved_pose, slopes_by_motion
 from skelgen.model.arrays import Bools, Floats
-from skelgen.model.rig import N_DISTORTION, Camera
+from skelgen.model.rig import N_CAMERA_STD, N_DISTORTION, Camera
 
 N_MATRIX = 4
 """Numbers of a camera's matrix: fx, fy, cx, cy."""
 
 N_INTRINSIC = N_MATRIX + N_DISTORTION
-MAX_STEPS = 40
-STANDS_STILL, ROUNDING = 1e-14, 1e-9
-"""Gain as a part of the sum of squares, and by distance [px] of each corner, below which no step is taken."""
+MAX_STEPS = 60
+STANDS_STILL, ROUNDING = 1e-12, 1e-9
+"""Gain as a part of the sum of squares, and by distance [px] of each corner, below which the minimum is reached."""
 
-LEAST_DAMPING = 1e-6
-"""Of the scaled normal matrix, when a full step has made the sum of squares larger (Levenberg and Marquardt)."""
+FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-3, 1e-9, 1e8
+LEVEL = 1e-9
+"""Added to the information of each frame: wands that fit nothing would run away without it."""
 
-LEAST_EIGENVALUE = 1e-12
-"""Of the normal matrix, with its diagonal scaled to 1: below it some numbers are not determined. Ten good views of
-one board are at 1e-6, three at 1e-8."""
-
-UNDETERMINED = (
-    "the views do not determine the cameras: turn the board about different axes by 20 to 45 degrees, move it through "
-    "the whole image, and take 10 to 20 views"
-)
-
-
-@dataclass(frozen=True, eq=False)
-class Bundle:
-    """What is adjusted, and what it is adjusted to.
-
-    Attributes
-    ----------
-    cameras : tuple of Camera
-        One or two; their `camera_from_world` is their place relative to the first one's frame.
-    first_from_board : ndarray, shape (n_views, 4, 4), mm
-        Poses of the board.
-    board : ndarray, shape (n_corners, 3), mm
-        Corners in the board's frame.
-    corners : ndarray, shape (n_cameras, n_views, n_corners, 2), px
-        Where they were seen.
-    """
-
-    cameras: tuple[Camera, ...]
-    first_from_board: Floats
-    board: Floats
-    corners: Floats
-
-
-@dataclass(frozen=True, eq=False)
-class Adjusted:
-    """The most likely bundle.
-
-    Attributes
-    ----------
-    bundle : Bundle
-        With adjusted cameras and poses.
-    noise : float, px
-        Standard deviation of a corner along one axis, from the residuals and the degrees of freedom.
-    covariance : ndarray, shape (n_shared, n_shared)
-        Of the numbers that all views share: nine for each camera, then the six of the second camera's pose if there is
-        one. Zero where a number was held.
-    residuals : ndarray, shape (n_cameras, n_views, n_corners, 2), px
-        Seen minus expected.
-    """
-
-    bundle: Bundle
-    noise: float
-    covariance: Floats
-    residuals: Floats
-
-    @property
-    def rms(self) -> float:
-        """Root mean square distance [px] of the corners from where they are expected, over all images."""
-        return float(np.sqrt((self.residuals**2).sum(axis=-1).mean()))
-
-    @property
-    def view_rms(self) -> Floats:
-        """The same for each image, shape (n_cameras, n_views), px."""
-        return np.asarray(np.sqrt((self.residuals**2).sum(axis=-1).mean(axis=-1)))
-
-
-def _adjust(bundle: Bundle, free: Bools) -> Adjusted:
-    """Return the most likely cameras and poses.
-
-    Parameters
-    ----------
-    bundle : Bundle
-        Near the solution: a guess from the closed form.
-    free : ndarray of bool, shape (n_shared,)
-        Which of the numbers that all views share are adjusted, in the order of `Adjusted.covariance`; the poses of the
-        board always are.
-    """
-    damping = 0.0
-    for _ in range(MAX_STEPS):
-        residuals, slope = _linearised(bundle, free)
-        squares = float(residuals @ residuals)
-        step = _inverse(slope, damping) @ (slope.T @ residuals)
-        if step @ (slope.T @ residuals) <= STANDS_STILL * squares + residuals.size * ROUNDING**2:
-            break
-        moved = _step_if_better(bundle, free, step, squares)
-        damping = max(10.0 * damping, LEAST_DAMPING) if moved is None else damping / 10.0
-        bundle = bundle if moved is None else moved
-    residuals = _residuals_of(bundle)
-    noise = float(np.sqrt((residuals**2).sum() / max(slope.shape[0] - slope.shape[1], 1)))
-    inverse = _inverse(slope, 0.0)
-    covariance = np.zeros((len(free), len(free)))
-    n_free = int(free.sum())
-    covariance[np.ix_(free, free)] = noise**2 * inverse[:n_free, :n_free]
-    return Adjusted(bundle, noise, covariance, residuals)
-
-
-def _residuals_of(bundle: Bundle) -> Floats:
-    """Return seen minus expected corners, shape (n_cameras, n_views, n_corners, 2), px."""
-    in_first = moved_points(bundle.first_from_board, bundle.board)
-    expected = [pixels_and_slopes(eye, moved_points(eye.camera_from_world, in_first))[0] for eye in bundle.cameras]
-    return np.asarray(bundle.corners - np.stack(expected))
+LEAST_EIGENVALUE = 1e-13
+"""Of the cameras' normal matrix, its diagonal scaled to 1: below it some numbers are not determined."""
 
 
 def pixels_and_slopes(eye: Camera, inside: Floats) -> tuple[Floats, Floats, Floats]:
@@ -193,31 +99,6 @@ def _lens_basis(flat: Floats) -> Floats:
     return basis
 
 
-def _linearised(bundle: Bundle, free: Bools) -> tuple[Floats, Floats]:
-    """Residuals, shape (n,), and the derivative of the expected pixels by the free numbers and all poses."""
-    n_cameras, (n_views, n_corners) = len(bundle.cameras), bundle.corners.shape[1:3]
-    n_shared = len(free)
-    slope = np.zeros((n_cameras, n_views, n_corners, 2, n_shared + N_POSE * n_views))
-    residuals = np.empty(bundle.corners.shape)
-    turned = bundle.board @ np.swapaxes(bundle.first_from_board[:, :3, :3], 1, 2)
-    in_first = turned + bundle.first_from_board[:, np.newaxis, :3, 3]
-    for index, eye in enumerate(bundle.cameras):
-        inside = moved_points(eye.camera_from_world, in_first)
-        pixels, by_intrinsic, by_point = pixels_and_slopes(eye, inside)
-        residuals[index] = bundle.corners[index] - pixels
-        slope[index, ..., N_INTRINSIC * index : N_INTRINSIC * (index + 1)] = by_intrinsic
-        if index == 1:
-            slope[index, ..., n_shared - N_POSE : n_shared] = slope_by_pose(
-                by_point, inside - eye.camera_from_world[:3, 3]
-            )
-        by_view = slope_by_pose(by_point @ eye.camera_from_world[:3, :3], turned)
-        for view in range(n_views):
-            start = n_shared + N_POSE * view
-            slope[index, view, ..., start : start + N_POSE] = by_view[view]
-    kept = np.concatenate([free, np.ones(N_POSE * n_views, dtype=np.bool_)])
-    return residuals.ravel(), slope.reshape(-1, len(kept))[:, kept]
-
-
 def slope_by_pose(by_point: Floats, turned: Floats) -> Floats:
     """Return the derivative by a turn and a shift of what was turned already, shape (..., 2, 6).
 
@@ -231,129 +112,285 @@ def slope_by_pose(by_point: Floats, turned: Floats) -> Floats:
     return np.concatenate([-by_point @ cross_matrix(turned), by_point], axis=-1)
 
 
-def _inverse(slope: Floats, damping: float) -> Floats:
-    """The inverse of the normal matrix, damped."""
-    scale = 1.0 / np.sqrt((slope * slope).sum(axis=0))
-    if not np.isfinite(scale).all():
-        raise InputError(UNDETERMINED)
-    scaled = slope * scale
-    values, vectors = np.linalg.eigh(scaled.T @ scaled)
-    if values[0] < LEAST_EIGENVALUE:
-        raise InputError(UNDETERMINED)
-    return np.asarray((vectors / (values + damping)) @ vectors.T * np.outer(scale, scale))
-
-
-def _step_if_better(bundle: Bundle, free: Bools, step: Floats, squares: float) -> Bundle | None:
-    """The bundle after a step, or None if that is no camera or fits worse than `squares`."""
-    try:
-        moved = _moved(bundle, free, step)
-    except InputError:
-        return None
-    return moved if float((_residuals_of(moved) ** 2).sum()) < squares else None
-
-
-def _moved(bundle: Bundle, free: Bools, step: Floats) -> Bundle:
-    """The bundle after a step."""
-    shared = np.zeros(len(free))
-    n_free = int(free.sum())
-    shared[free] = step[:n_free]
-    cameras = tuple(_moved_camera(eye, index, shared) for index, eye in enumerate(bundle.cameras))
-    return replace(
-        bundle, cameras=cameras, first_from_board=moved_pose(bundle.first_from_board, step[n_free:].reshape(-1, 6))
-    )
-
-
-def _moved_camera(eye: Camera, index: int, shared: Floats) -> Camera:
-    own = shared[N_INTRINSIC * index : N_INTRINSIC * (index + 1)]
-    matrix = eye.matrix.copy()
-    matrix[[0, 1, 0, 1], [0, 1, 2, 2]] += own[:N_MATRIX]
-    pose = moved_pose(eye.camera_from_world, shared[-N_POSE:]) if index == 1 else eye.camera_from_world
-    return replace(eye, matrix=matrix, distortion=eye.distortion + own[N_MATRIX:], camera_from_world=pose)
-
-
-OUTLIER_RATIO = 3.0
-"""A view is left out whose error is so many times the median view's: those of one recording differ by less than two,
-and a view that errs three times as much would weigh as much as nine others."""
-
-MAX_ROUNDS = 10
-LEAST_VIEWS = 3
-"""Two views leave a camera undetermined in practice; three determine it without redundancy, and the verdict says so."""
-
-
-class Robust(NamedTuple):
-    """An adjustment and the views that it was made from.
+@dataclass(frozen=True, eq=False)
+class Bundle(ABC):
+    """Cameras that see a rigid thing in many frames.
 
     Attributes
     ----------
-    adjusted : Adjusted
-        Of the kept views.
-    kept : ndarray of bool, shape (n_views,)
-        Which they are.
-    view_rms : ndarray, shape (n_cameras, n_views), px
-        Error of all views; those left out with their pose fitted to the others' cameras.
+    cameras : tuple of Camera
+        All of them; the frame of the first one, which stays where it is, is the world.
+    seen : ndarray, shape (n_frames, n_cameras, n_points, 2), px
+        Where its points were seen; NaN where one was not.
     """
 
-    adjusted: Adjusted
-    kept: Bools
-    view_rms: Floats
+    cameras: tuple[Camera, ...]
+    seen: Floats
+
+    n_own, fewest_cameras = 0, 1
+    """Numbers of the thing in each frame, and cameras that determine them."""
+
+    advice: ClassVar[str] = ""
+    """What makes the views determine the cameras."""
+
+    @property
+    @abstractmethod
+    def places(self) -> Floats:
+        """Places of its points, shape (n_frames, n_points, 3), mm."""
+
+    @abstractmethod
+    def slopes(self) -> Floats:
+        """Return how places change with the numbers of their frame, shape (n_frames, n_points, 3, n_own)."""
+
+    @abstractmethod
+    def moved(self, steps: Floats) -> Self:
+        """Return the bundle after steps of each frame's numbers, shape (n_frames, n_own)."""
+
+    @abstractmethod
+    def of(self, frames: Bools) -> Self:
+        """Return the bundle of some frames."""
 
 
-def adjust_robustly(bundle: Bundle, free: Bools, inliers: Bools | None = None) -> Robust:
-    """Return the most likely cameras by the views that fit each other; a view may come back once the others agree.
+@dataclass(frozen=True, eq=False)
+class BoardBundle(Bundle):
+    """A board: its pose in each frame.
+
+    Attributes
+    ----------
+    points : ndarray, shape (n_points, 3), mm
+        Corners in the board's frame.
+    poses : ndarray, shape (n_frames, 4, 4), mm
+        world_from_board.
+    """
+
+    points: Floats
+    poses: Floats
+
+    n_own = N_POSE
+    advice = (
+        "turn the board about different axes by 20 to 45 degrees, move it through the whole image of each camera, and "
+        "take 10 to 20 views"
+    )
+
+    @property
+    def places(self) -> Floats:
+        """Places of all corners, shape (n_frames, n_points, 3), mm."""
+        return moved_points(self.poses, self.points)
+
+    def slopes(self) -> Floats:
+        """Return how corners change with a turn and a shift of the board."""
+        return slopes_by_motion(self.points @ np.swapaxes(self.poses[:, :3, :3], 1, 2))
+
+    def moved(self, steps: Floats) -> Self:
+        """Return the bundle after a turn and a shift of each board."""
+        return replace(self, poses=moved_pose(self.poses, steps))
+
+    def of(self, frames: Bools) -> Self:
+        """Return the bundle of some frames."""
+        return replace(self, poses=self.poses[frames], seen=self.seen[frames])
+
+
+_B = TypeVar("_B", bound=Bundle)
+
+
+@dataclass(frozen=True, eq=False)
+class Adjusted(Generic[_B]):
+    """The most likely bundle.
+
+    Attributes
+    ----------
+    bundle : Bundle
+        With adjusted cameras and places.
+    noise : float, px
+        Standard deviation of a point along one axis, from the residuals and the degrees of freedom.
+    covariance : ndarray, shape (15 n_cameras, 15 n_cameras)
+        Of fx, fy, cx, cy, k1, k2, p1, p2, k3, turn [rad] and shift [mm] of all cameras; zero where a number was held.
+    residuals : ndarray, shape (n_frames, n_cameras, n_points, 2), px
+        Seen minus expected; NaN where a point was not seen.
+    """
+
+    bundle: _B
+    noise: float
+    covariance: Floats
+    residuals: Floats
+
+    @property
+    def rms(self) -> float:
+        """Root mean square distance [px] of the points from where they are expected, over all images."""
+        return float(np.sqrt(np.nanmean((self.residuals**2).sum(axis=-1))))
+
+    @property
+    def view_rms(self) -> Floats:
+        """The same for each image, shape (n_cameras, n_frames), px."""
+        return np.asarray(np.sqrt(np.nanmean((self.residuals**2).sum(axis=-1), axis=-1)).T)
+
+
+def free_numbers(n_cameras: int, intrinsic: tuple[int, ...]) -> Bools:
+    """Return which numbers of the cameras are adjusted, shape (15 n_cameras,): all poses but the first one's.
+
+    Parameters
+    ----------
+    n_cameras : int
+        How many.
+    intrinsic : tuple of int
+        Which of fx, fy, cx, cy, k1, k2, p1, p2, k3.
+    """
+    free = np.zeros((n_cameras, N_CAMERA_STD), dtype=np.bool_)
+    free[:, list(intrinsic)] = True
+    free[1:, N_INTRINSIC:] = True
+    return free.ravel()
+
+
+def adjust(bundle: _B, free: Bools) -> Adjusted[_B]:
+    """Return the most likely cameras and places.
 
     Parameters
     ----------
     bundle : Bundle
-        All views.
-    free : ndarray of bool
-        See `_adjust`.
-    inliers : ndarray of bool, shape (n_views,), optional
-        Views to begin with; all if not given.
+        Near the solution.
+    free : ndarray of bool, shape (15 n_cameras,)
+        Which numbers of the cameras are adjusted, see `free_numbers`; those of each frame always are.
 
     Raises
     ------
     InputError
-        If fewer than three views fit each other, or they do not determine the cameras.
+        If the views do not determine the cameras.
     """
-    kept = np.ones(len(bundle.first_from_board), dtype=np.bool_) if inliers is None else inliers
-    for _ in range(MAX_ROUNDS):
-        adjusted = _adjust(bundle_of(bundle, kept), free)
-        view_rms = _rms_of_all(bundle, adjusted, kept)
-        limit = OUTLIER_RATIO * np.median(view_rms[:, kept], axis=1)
-        fits = np.asarray((view_rms <= limit[:, np.newaxis]).all(axis=0))
-        if (fits == kept).all():
-            break
-        if fits.sum() < LEAST_VIEWS:
-            raise InputError(
-                f"only {int(fits.sum())} views of the board fit each other; at least {LEAST_VIEWS} are needed, 10 to "
-                "20 are better: hold the board still, or trigger both cameras together"
-            )
-        kept = fits
-    return Robust(adjusted, kept, view_rms)
+    bundle = _minimised(bundle, free)
+    residuals, normal = residuals_of(bundle), _reduced(bundle, free, 0.0)[0]
+    n_values, n_numbers = int(np.isfinite(residuals).sum()), len(normal) + bundle.n_own * len(bundle.seen)
+    noise = float(np.sqrt(np.nansum(residuals**2) / max(n_values - n_numbers, 1)))
+    covariance = np.zeros((len(free), len(free)))
+    covariance[np.ix_(free, free)] = noise**2 * _inverse(normal, bundle.advice)
+    return Adjusted(bundle, noise, covariance, residuals)
 
 
-def bundle_of(bundle: Bundle, kept: Bools) -> Bundle:
-    """Return the bundle of some views.
-
-    Parameters
-    ----------
-    bundle : Bundle
-        Of all views.
-    kept : ndarray of bool, shape (n_views,)
-        Which to keep.
-    """
-    return replace(bundle, first_from_board=bundle.first_from_board[kept], corners=bundle.corners[:, kept])
+def _with_enough(bundle: _B) -> _B:
+    """Keep the frames that have more measured numbers than unknowns."""
+    shown = np.isfinite(bundle.seen[..., 0])
+    is_enough = (2 * shown.sum(axis=(1, 2)) > bundle.n_own) & (shown.any(axis=2).sum(axis=1) >= bundle.fewest_cameras)
+    return bundle.of(np.asarray(is_enough))
 
 
-def _rms_of_all(bundle: Bundle, adjusted: Adjusted, kept: Bools) -> Floats:
-    out = np.full(bundle.corners.shape[:2], np.inf)
-    out[:, kept] = adjusted.view_rms
-    held = np.zeros(len(adjusted.covariance), dtype=np.bool_)
-    for view in np.flatnonzero(~kept):
-        alone = bundle_of(bundle, np.arange(len(kept)) == view)
-        try:
-            posed = _adjust(replace(alone, cameras=adjusted.bundle.cameras), held)
-        except InputError:  # no pose fits: as far out as can be
-            continue
-        out[:, view] = posed.view_rms[:, 0]
-    return out
+def _minimised(bundle: _B, free: Bools) -> _B:
+    damping = FIRST_DAMPING
+    bundle = _with_enough(bundle)
+    squares = float(np.nansum(residuals_of(bundle) ** 2))
+    for _ in range(MAX_STEPS):
+        normal, gradient, parts = _reduced(bundle, free, damping)
+        step = _solved(normal, gradient, bundle.advice)
+        moved = _moved(bundle, free, step, parts)
+        after = np.inf if moved is None else float(np.nansum(residuals_of(moved) ** 2))
+        if moved is not None and after < squares:
+            gain, bundle, squares = squares - after, moved, after
+            damping = max(damping / 10.0, LEAST_DAMPING)
+            if gain <= STANDS_STILL * squares + bundle.seen.size * ROUNDING**2:
+                break
+        else:
+            damping *= 10.0
+            if damping > MOST_DAMPING:
+                break
+    return bundle
+
+
+def residuals_of(bundle: Bundle) -> Floats:
+    """Return seen minus expected, shape (n_frames, n_cameras, n_balls, 2), px."""
+    balls = bundle.places
+    with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
+        expected = [pixels_and_slopes(eye, moved_points(eye.camera_from_world, balls))[0] for eye in bundle.cameras]
+        return np.asarray(bundle.seen - np.stack(expected, axis=1))
+
+
+_Parts = tuple[Floats, Floats, Floats]
+"""Coupling of cameras and wands, wands' normal matrices and gradients."""
+
+
+def _reduced(bundle: Bundle, free: Bools, damping: float) -> tuple[Floats, Floats, _Parts]:
+    """Normal matrix and gradient of the free numbers of the cameras, the wands eliminated."""
+    n_cameras, n_frames, n_own = len(bundle.cameras), len(bundle.seen), bundle.n_own
+    balls, by_wand = bundle.places, bundle.slopes()
+    own, coupling = (
+        np.zeros((n_cameras, N_CAMERA_STD, N_CAMERA_STD)),
+        np.zeros((n_frames, n_cameras, N_CAMERA_STD, n_own)),
+    )
+    gradient, wands = np.zeros((n_cameras, N_CAMERA_STD)), np.zeros((n_frames, n_own, n_own))
+    pulls = np.zeros((n_frames, n_own))
+    for index, eye in enumerate(bundle.cameras):
+        turn, shift = eye.camera_from_world[:3, :3], eye.camera_from_world[:3, 3]
+        shown = np.flatnonzero(np.isfinite(bundle.seen[:, index, :, 0]).any(axis=1))
+        turned = balls[shown] @ turn.T
+        pixels, by_intrinsic, by_point = pixels_and_slopes(eye, turned + shift)
+        residual = bundle.seen[shown, index] - pixels
+        valid = np.isfinite(residual)
+        residual = np.where(valid, residual, 0.0).reshape(len(shown), -1)
+        camera = np.concatenate([by_intrinsic, slope_by_pose(by_point, turned)], axis=-1) * valid[..., np.newaxis]
+        camera = camera.reshape(len(shown), -1, N_CAMERA_STD)
+        wand = ((by_point @ turn) @ by_wand[shown] * valid[..., np.newaxis]).reshape(len(shown), -1, n_own)
+        flat = camera.reshape(-1, N_CAMERA_STD)
+        own[index] = flat.T @ flat
+        gradient[index] = flat.T @ residual.ravel()
+        coupling[shown, index] = np.swapaxes(camera, 1, 2) @ wand
+        wands[shown] += np.swapaxes(wand, 1, 2) @ wand
+        pulls[shown] += (np.swapaxes(wand, 1, 2) @ residual[..., np.newaxis])[..., 0]
+    wands[:, range(n_own), range(n_own)] *= 1.0 + damping
+    wands[:, range(n_own), range(n_own)] += LEVEL
+    whole = coupling.reshape(n_frames, -1, n_own)[:, free]
+    normal = np.zeros((len(free), len(free)))
+    for index in range(n_cameras):
+        block = slice(index * N_CAMERA_STD, (index + 1) * N_CAMERA_STD)
+        normal[block, block] = own[index] + damping * np.diag(np.diag(own[index]))
+    try:
+        root = np.linalg.inv(np.linalg.cholesky(wands))
+    except np.linalg.LinAlgError as error:
+        raise InputError(_undetermined(bundle.advice)) from error
+    half = (whole @ np.swapaxes(root, 1, 2)).transpose(1, 0, 2).reshape(whole.shape[1], n_frames * n_own)
+    reduced = normal[np.ix_(free, free)] - half @ half.T
+    pulled = gradient.ravel()[free] - half @ (root @ pulls[..., np.newaxis]).ravel()
+    return reduced, pulled, (whole, wands, pulls)
+
+
+def _solved(normal: Floats, gradient: Floats, advice: str) -> Floats:
+    scale = _scale_of(normal, advice)
+    return np.asarray(scale * np.linalg.lstsq(normal * np.outer(scale, scale), scale * gradient, rcond=None)[0])
+
+
+def _inverse(normal: Floats, advice: str) -> Floats:
+    scale = _scale_of(normal, advice)
+    values, vectors = np.linalg.eigh(normal * np.outer(scale, scale))
+    if values.min(initial=np.inf) < LEAST_EIGENVALUE:
+        raise InputError(_undetermined(advice))
+    return np.asarray((vectors / values) @ vectors.T * np.outer(scale, scale))
+
+
+def _scale_of(normal: Floats, advice: str) -> Floats:
+    diagonal = np.diag(normal)
+    if not (diagonal > 0).all():
+        raise InputError(_undetermined(advice))
+    return np.asarray(1.0 / np.sqrt(diagonal))
+
+
+def _undetermined(advice: str) -> str:
+    return f"the views do not determine the cameras: {advice}"
+
+
+def _moved(bundle: _B, free: Bools, step: Floats, parts: _Parts) -> _B | None:
+    """Return the bundle after a step of the cameras, the wands following; None if a camera becomes impossible."""
+    whole, wands, pulls = parts
+    back = np.linalg.solve(wands, (pulls - np.swapaxes(whole, 1, 2) @ step)[..., np.newaxis])[..., 0]
+    shared = np.zeros(len(free))
+    shared[free] = step
+    try:
+        cameras = tuple(
+            _moved_camera(eye, own) for eye, own in zip(bundle.cameras, shared.reshape(-1, N_CAMERA_STD), strict=True)
+        )
+    except InputError:
+        return None
+    return replace(bundle.moved(np.asarray(back, dtype=np.float64)), cameras=cameras)
+
+
+def _moved_camera(eye: Camera, step: Floats) -> Camera:
+    """The camera after a step of its numbers, shape (15,), in the order of `Adjusted.covariance`."""
+    matrix = eye.matrix.copy()
+    matrix[[0, 1, 0, 1], [0, 1, 2, 2]] += step[:N_MATRIX]
+    pose = moved_pose(eye.camera_from_world, step[N_INTRINSIC:])
+    return replace(eye, matrix=matrix, distortion=eye.distortion + step[N_MATRIX:N_INTRINSIC], camera_from_world=pose)

@@ -1,7 +1,4 @@
-"""The chessboard: its inner corners in an image, how sharp they are, and which parts of an image it has been in.
-
-One camera and its lens, from views of a chessboard (Zhang 2000; Bouguet; Gaschler 2011, equation 4.8).
-"""
+"""The chessboard: its inner corners in an image, how sharp they are, and which parts of an image it has been in."""
 
 import re
 from collections.abc import Sequence
@@ -11,21 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from skelgen.capture.calibration.bundle_adjustment import (
-    LEAST_VIEWS,
-    N_INTRINSIC,
-    N_MATRIX,
-    Bundle,
-    Robust,
-    adjust_robustly,
-    bundle_of,
-)
 from skelgen.capture.images import opencv
 from skelgen.capture.values import Image
-from skelgen.errors import InputError, ParameterError
-from skelgen.geometry.rotations import matrix_from_vector, transform_from
-from skelgen.model.arrays import Bools, Floats, Ints
-from skelgen.model.rig import Camera
+from skelgen.errors import ParameterError
+from skelgen.geometry.orientation import fit_transform
+from skelgen.model.arrays import Floats, Ints
 
 REFINING_PART = 0.3
 """Half the window in which a corner is refined, as part of the shortest side of a square: at 0.4 the windows of boards
@@ -74,6 +61,20 @@ class Board:
         grid = np.arange(self.columns * self.rows).reshape(self.rows, self.columns)
         quarters = range(4) if self.columns == self.rows else (0, 2)
         return tuple(np.rot90(grid, quarter).ravel() for quarter in quarters)
+
+
+def turned_boards(points: Floats, orders: Sequence[Ints]) -> Floats:
+    """Return board_from_board of all ways to number corners that look alike, shape (n_ways, 4, 4), mm.
+
+    Parameters
+    ----------
+    points : ndarray, shape (n_corners, 3), mm
+        The corners in the board's frame.
+    orders : sequence of ndarray of intp, shape (n_corners,)
+        Those ways.
+    """
+    every = np.ones(len(points), dtype=np.bool_)
+    return np.stack([fit_transform(points, points[order], every) for order in orders])
 
 
 def board_from_text(text: str, square: float) -> Board:
@@ -227,124 +228,3 @@ def uncovered(corners: Sequence[Floats], size: tuple[int, int]) -> list[str]:
     """
     counts = coverage(corners, size).ravel().tolist()
     return [name for name, count in zip(chain(*PARTS), counts, strict=True) if count < LEAST_CORNERS]
-
-
-LENSES = {"radial": (0, 1), "tangential": (0, 1, 2, 3), "full": (0, 1, 2, 3, 4)}
-"""Lens models: which of k1 k2 p1 p2 k3 are estimated. Gaschler (2011) uses the first."""
-
-FOCAL_LENGTHS = (0.05, 1000.0)
-"""Least and largest focal length in widths of the image: lenses that see 170 degrees, and a twentieth of one."""
-
-AUTO = "auto"
-"""The lens model that the views themselves ask for: the least Bayesian information criterion."""
-
-
-def guess_camera(corners: Floats, board: Board, size: tuple[int, int]) -> tuple[Camera, Floats]:
-    """Return a camera with a radial lens and the poses of the board, by OpenCV's calibration.
-
-    Parameters
-    ----------
-    corners : ndarray, shape (n_views, n_corners, 2), px
-        Where they were seen.
-    board : Board
-        What was seen.
-    size : tuple of int, px
-        Width and height of the images.
-
-    Returns
-    -------
-    Camera
-        Its frame is the world.
-    ndarray, shape (n_views, 4, 4), mm
-        camera_from_board.
-
-    Raises
-    ------
-    InputError
-        If the views are too few, or no camera explains them.
-    """
-    if len(corners) < LEAST_VIEWS:
-        raise InputError(
-            f"{len(corners)} views of the board are too few; at least {LEAST_VIEWS} are needed, 10 to 20 are better"
-        )
-    return fit_camera([board.points] * len(corners), list(corners), size, "these views of the board")
-
-
-def fit_camera(
-    points: Sequence[Floats], pixels: Sequence[Floats], size: tuple[int, int], views: str
-) -> tuple[Camera, Floats]:
-    """Return what `guess_camera` does, from views that may each show a part of a board.
-
-    Parameters
-    ----------
-    points : sequence of ndarray, shape (n_shown, 3), mm
-        The corners that each view shows, in the board's frame.
-    pixels : sequence of ndarray, shape (n_shown, 2), px
-        Where it shows them.
-    size : tuple of int, px
-        Width and height of the images.
-    views : str
-        What the views are, for the message.
-
-    Raises
-    ------
-    InputError
-        If no camera explains them.
-    """
-    cv2 = opencv()
-    flags = cv2.CALIB_FIX_K3 | cv2.CALIB_ZERO_TANGENT_DIST
-    corners = [one.astype(np.float32) for one in points], [one.astype(np.float32).reshape(-1, 1, 2) for one in pixels]
-    try:
-        _, matrix, lens, turns, shifts = cv2.calibrateCamera(*corners, size, None, None, flags=flags)
-        low, high = (part * max(size) for part in FOCAL_LENGTHS)
-        focal = matrix[0, 0], matrix[1, 1]
-        fits = bool(np.isfinite(matrix).all() and np.isfinite(lens).all() and low < min(focal) and max(focal) < high)
-    except cv2.error:
-        fits = False
-    if not fits:
-        raise InputError(f"no camera explains {views}; see that its corners are counted right, and tilt the board more")
-    poses = [transform_from(matrix_from_vector(np.ravel(t)), np.ravel(s)) for t, s in zip(turns, shifts, strict=True)]
-    return Camera(*size, np.asarray(matrix, dtype=np.float64), np.ravel(lens)), np.stack(poses)
-
-
-def adjust_lens(bundle: Bundle, inliers: Bools, lens: str) -> Robust:
-    """Return the robust adjustment with a lens model.
-
-    Parameters
-    ----------
-    bundle : Bundle
-        All views.
-    inliers : ndarray of bool, shape (n_views,)
-        Views to begin with; see `adjust_robustly`.
-    lens : str
-        One of `LENSES`, or `AUTO`: the model with the least Bayesian information criterion.
-
-    Raises
-    ------
-    ParameterError
-        If there is no such lens model.
-    """
-    if lens != AUTO and lens not in LENSES:
-        raise ParameterError(f"lens {lens!r} is unknown; it must be one of {', '.join([AUTO, *LENSES])}")
-    first = adjust_robustly(bundle, _free(bundle, "radial" if lens == AUTO else lens), inliers)
-    if lens != AUTO:
-        return first
-    fitting = bundle_of(bundle, first.kept)
-    tried = {name: adjust_robustly(fitting, _free(bundle, name)) for name in LENSES}
-    best = min(tried, key=lambda name: _information(tried[name], int(_free(bundle, name).sum())))
-    return adjust_robustly(bundle, _free(bundle, best), first.kept)
-
-
-def _free(bundle: Bundle, lens: str) -> Bools:
-    """Which of the shared numbers a lens model leaves free; the second camera's pose always is."""
-    own = np.zeros(N_INTRINSIC, dtype=np.bool_)
-    own[:N_MATRIX] = True
-    own[[N_MATRIX + index for index in LENSES[lens]]] = True
-    pose = np.ones(6 * (len(bundle.cameras) - 1), dtype=np.bool_)
-    return np.concatenate([np.tile(own, len(bundle.cameras)), pose])
-
-
-def _information(found: Robust, n_free: int) -> float:
-    """Bayesian information criterion, but for a constant: poses of the board are the same for all models."""
-    squares, n = float((found.adjusted.residuals**2).sum()), found.adjusted.residuals.size
-    return float(n * np.log(squares / n) + n_free * np.log(n))

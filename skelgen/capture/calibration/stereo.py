@@ -11,22 +11,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from skelgen.capture.calibration.bundle_adjustment import LEAST_VIEWS, N_INTRINSIC, Adjusted, Bundle
+from skelgen.capture.calibration.bundle_adjustment import N_INTRINSIC, Adjusted, BoardBundle
 from skelgen.capture.calibration.chessboard import (
-    AUTO,
     Board,
     BoardView,
-    adjust_lens,
     board_that_is_there,
     find_board,
-    guess_camera,
+    turned_boards,
 )
+from skelgen.capture.calibration.lens import AUTO, LEAST_VIEWS, adjust_lens, guess_camera
 from skelgen.capture.calibration.verdict import PairSeen, Verdict, judge
 from skelgen.capture.images import read_image
 from skelgen.capture.optics import project
 from skelgen.capture.values import Image
 from skelgen.errors import InputError
-from skelgen.geometry.orientation import fit_transform
 from skelgen.geometry.rotations import moved_points, nearest_rotation, transform_from, vector_from_matrix
 from skelgen.kinematics.joints.angles import rotation_vector_deviations
 from skelgen.model.arrays import Bools, Floats, Ints
@@ -97,7 +95,7 @@ def calibrate_stereo(
     square : float, mm
         Side of a square.
     lens : str
-        ``auto``, ``radial``, ``tangential`` or ``full``; see `skelgen.capture.calibration.chessboard`.
+        ``auto``, ``radial``, ``tangential`` or ``full``; see `skelgen.capture.calibration.lens`.
     monitor : Monitor
         Reports each pair.
 
@@ -166,7 +164,7 @@ def calibrate_views(
     return _with_deviations(found.adjusted, seen)
 
 
-def _first_guess(corners: Floats, board: Board, size: tuple[int, int]) -> tuple[Bundle, Bools]:
+def _first_guess(corners: Floats, board: Board, size: tuple[int, int]) -> tuple[BoardBundle, Bools]:
     """Both cameras alone, the right one placed by the pairs that agree, its corners numbered as the left one's.
 
     The pairs that agree are the second value.
@@ -176,20 +174,17 @@ def _first_guess(corners: Floats, board: Board, size: tuple[int, int]) -> tuple[
     ordered = np.take_along_axis(corners[1], pairing.orders[..., np.newaxis], axis=1)
     right = replace(right, camera_from_world=pairing.right_from_left)
     agrees = pairing.error <= DISAGREEMENT * np.median(pairing.error)
-    return Bundle((left, right), left_poses, board.points, np.stack([corners[0], ordered])), agrees
+    return BoardBundle((left, right), np.stack([corners[0], ordered], axis=1), board.points, left_poses), agrees
 
 
-def _with_deviations(adjusted: Adjusted, seen: tuple[PairSeen, ...]) -> StereoCalibration:
+def _with_deviations(adjusted: Adjusted[BoardBundle], seen: tuple[PairSeen, ...]) -> StereoCalibration:
     """The calibration with its standard deviations and the verdict."""
     left, right = (
         replace(eye, name=name) for eye, name in zip(adjusted.bundle.cameras, ("left", "right"), strict=True)
     )
-    covariance = np.zeros((2 * N_CAMERA_STD, 2 * N_CAMERA_STD))
-    measured = np.r_[:N_INTRINSIC, N_CAMERA_STD : 2 * N_CAMERA_STD]  # the left camera is where it is
-    covariance[np.ix_(measured, measured)] = adjusted.covariance
-    rig = StereoRig(left, right, max(TYPICAL_NOISE, adjusted.noise), covariance)
-    std = np.sqrt(np.diag(adjusted.covariance))
-    left_std, right_std, _, translation_std = np.split(std, [N_INTRINSIC, 2 * N_INTRINSIC, -3])
+    rig = StereoRig(left, right, max(TYPICAL_NOISE, adjusted.noise), adjusted.covariance)
+    of_left, of_right = np.sqrt(np.diag(adjusted.covariance)).reshape(-1, N_CAMERA_STD)
+    left_std, right_std, translation_std = of_left[:N_INTRINSIC], of_right[:N_INTRINSIC], of_right[-3:]
     turn, turn_covariance = rig.right_from_left[:3, :3], adjusted.covariance[-6:-3, -6:-3]
     rotation_std = rotation_vector_deviations(turn[np.newaxis], turn_covariance[np.newaxis])[0]
     turn_std = _deviation_along(vector_from_matrix(turn), turn_covariance)
@@ -286,9 +281,7 @@ def _pair_cameras(
     board : Board
         What was seen.
     """
-    orders = np.stack(board.orders)
-    every = np.ones(len(board.points), dtype=np.bool_)
-    turned = [fit_transform(board.points, board.points[order], every) for order in orders]
+    orders, turned = np.stack(board.orders), turned_boards(board.points, board.orders)
     guesses = (
         _guess_of_pair(right, right_pose @ turn @ np.linalg.inv(left_pose), left_poses, right_corners, orders, board)
         for left_pose, right_pose in zip(left_poses, right_poses, strict=True)

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skelgen.capture.calibration.bundle_adjustment import Adjusted
+from skelgen.capture.calibration.bundle_adjustment import Adjusted, BoardBundle
 from skelgen.capture.calibration.chessboard import BoardView, uncovered
-from skelgen.model.rig import StereoRig
+from skelgen.model.rig import N_CAMERA_STD, StereoRig
 from skelgen.progress import counted
 
 GOOD, USABLE, REPEAT = "good", "usable", "repeat"
@@ -79,7 +79,7 @@ class PairSeen:
     is_used: bool
 
 
-def judge(rig: StereoRig, adjusted: Adjusted, baseline_std: float, pairs: Sequence[PairSeen]) -> Verdict:
+def judge(rig: StereoRig, adjusted: Adjusted[BoardBundle], baseline_std: float, pairs: Sequence[PairSeen]) -> Verdict:
     """Return the verdict of a calibration.
 
     Parameters
@@ -93,9 +93,9 @@ def judge(rig: StereoRig, adjusted: Adjusted, baseline_std: float, pairs: Sequen
     pairs : sequence of PairSeen
         All pairs of images.
     """
-    std = np.sqrt(np.diag(adjusted.covariance))
-    focal = np.array([rig.left.matrix[0, 0], rig.left.matrix[1, 1], rig.right.matrix[0, 0], rig.right.matrix[1, 1]])
-    scale = max(float((std[[0, 1, 9, 10]] / focal).max()), baseline_std / rig.baseline)
+    std = np.sqrt(np.diag(adjusted.covariance)).reshape(-1, N_CAMERA_STD)[:, :2]
+    focal = [np.diag(eye.matrix)[:2] for eye in adjusted.bundle.cameras]
+    scale = max(float((std / focal).max()), baseline_std / rig.baseline)
     swapped = _swapped(rig)
     used = [pair for pair in pairs if pair.is_used]
     is_good = adjusted.rms <= GOOD_RMS and scale <= GOOD_SCALE and len(used) >= ENOUGH_PAIRS
@@ -111,7 +111,7 @@ def judge(rig: StereoRig, adjusted: Adjusted, baseline_std: float, pairs: Sequen
     advice += _left_out(pairs)
     if len(used) < ENOUGH_PAIRS:
         advice.append(f"{counted(len(used), 'pair is', 'pairs are')} few: take {ENOUGH_PAIRS} to 20.")
-    normals = adjusted.bundle.first_from_board[:, :3, 2]
+    normals = adjusted.bundle.poses[:, :3, 2]
     lean = np.degrees(np.arccos(np.clip((normals @ normals.T).min(), -1.0, 1.0)))
     if lean < LEAST_LEAN:
         advice.append(f"The board leans by {lean:.0f} degrees at most: turn it about different axes by 20 to 45.")

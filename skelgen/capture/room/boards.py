@@ -12,9 +12,10 @@ from itertools import combinations
 
 import numpy as np
 
-from skelgen.capture.calibration.chessboard import Board, board_from_text, find_board, fit_camera
+from skelgen.capture.calibration.bundle_adjustment import BoardBundle
+from skelgen.capture.calibration.chessboard import Board, board_from_text, find_board, turned_boards
+from skelgen.capture.calibration.lens import fit_camera
 from skelgen.capture.images import opencv
-from skelgen.capture.room.bundles import BoardBundle
 from skelgen.capture.values import Image
 from skelgen.errors import InputError, ParameterError
 from skelgen.geometry.rotations import matrix_from_vector, transform_from, vector_from_matrix
@@ -192,22 +193,10 @@ def _placed(corners: Floats, board: AnyBoard, eye: Camera) -> Floats:
     return transform_from(matrix_from_vector(np.ravel(turn)), np.ravel(shift)) if done else np.full((4, 4), np.nan)
 
 
-def _ways(board: AnyBoard) -> Floats:
-    """board_from_board of all ways to number its corners that look alike, shape (n_ways, 4, 4)."""
-    points, out = board.points, []
-    for order in board.orders:
-        middle, after = points.mean(axis=0), points[order]
-        basis = np.linalg.lstsq((points - middle)[:, :2], (after - middle)[:, :2], rcond=None)[0].T
-        turn = np.eye(3)
-        turn[:2, :2] = basis
-        out.append(transform_from(turn, middle - turn @ middle))
-    return np.stack(out)
-
-
 def _related(poses: Floats, board: AnyBoard, names: Sequence[str]) -> list[Floats]:
     """camera_from_first of all cameras, by the pairs that share most moments."""
     shows = np.isfinite(poses[..., 0, 0])
-    n_cameras, ways = len(names), _ways(board)
+    n_cameras, ways = len(names), turned_boards(board.points, board.orders)
     relations: dict[tuple[int, int], tuple[int, Floats]] = {}
     for one, two in combinations(range(n_cameras), 2):
         both = shows[:, one] & shows[:, two]
@@ -253,7 +242,7 @@ def _apart(poses: Floats, other: Floats) -> tuple[Floats, Floats]:
 
 def _turned_alike(seen: Floats, poses: Floats, places: Sequence[Floats], board: AnyBoard) -> tuple[Floats, Floats]:
     """The corners of all cameras in the order of the first one that shows the board, and where it is in each frame."""
-    ordered, ways = seen.copy(), _ways(board)
+    ordered, ways = seen.copy(), turned_boards(board.points, board.orders)
     world_from_board = np.full((len(seen), 4, 4), np.nan)
     for frame in range(len(seen)):
         for index, place in enumerate(places):

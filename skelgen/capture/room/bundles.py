@@ -1,57 +1,53 @@
-"""What an adjustment of a room moves: cameras, and the places of a wand or of a board in every frame.
+"""What an adjustment of a room moves beside the cameras: the places of a wand, without the balls that fit nothing.
 
 `resected` finds a camera of which nothing is known from points in space and where it sees them.
 """
 
-from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
-from typing import NamedTuple, Self
+from typing import NamedTuple, Self, TypeVar
 
 import numpy as np
 
-from skelgen.geometry.rotations import matrix_from_vector, moved_points, moved_pose, slopes_by_motion
+from skelgen.capture.calibration.bundle_adjustment import Adjusted, Bundle, adjust
+from skelgen.geometry.rotations import frame_along, matrix_from_vector
+from skelgen.geometry.statistics import SIGMA_OF_MEDIAN
 from skelgen.model.arrays import Bools, Floats
-from skelgen.model.rig import Camera
+
+MAX_ROUNDS = 6
+OUTLIER = 5.0
+"""Standard deviations beyond which a ball is left out: of a million true ones one is."""
+
+_B = TypeVar("_B", bound=Bundle)
 
 
-@dataclass(frozen=True, eq=False)
-class RoomBundle(ABC):
-    """Cameras that see a rigid thing in many frames.
+def adjust_room(bundle: _B, free: Bools) -> Adjusted[_B]:
+    """Return the most likely cameras and wands; balls that fit nothing are NaN in `seen`.
 
-    Attributes
+    Parameters
     ----------
-    cameras : tuple of Camera
-        All of them; the first one stays where it is.
-    seen : ndarray, shape (n_frames, n_cameras, n_points, 2), px
-        Where its points were seen; NaN where one was not.
+    bundle : Bundle
+        Near the solution.
+    free : ndarray of bool, shape (15 n_cameras,)
+        Which numbers are adjusted; see `free_numbers`.
+
+    Raises
+    ------
+    InputError
+        If the waves do not determine the cameras.
     """
-
-    cameras: tuple[Camera, ...]
-    seen: Floats
-
-    n_own, fewest_cameras = 0, 1
-    """Numbers of the thing in each frame, and cameras that determine them."""
-
-    @property
-    @abstractmethod
-    def places(self) -> Floats:
-        """Places of its points, shape (n_frames, n_points, 3), mm."""
-
-    @abstractmethod
-    def slopes(self) -> Floats:
-        """Return how places change with the numbers of their frame, shape (n_frames, n_points, 3, n_own)."""
-
-    @abstractmethod
-    def moved(self, steps: Floats) -> Self:
-        """Return the bundle after steps of each frame's numbers, shape (n_frames, n_own)."""
-
-    @abstractmethod
-    def of(self, frames: Bools) -> Self:
-        """Return the bundle of some frames."""
+    for _ in range(MAX_ROUNDS):
+        found = adjust(bundle, free)
+        spread = float(SIGMA_OF_MEDIAN * np.nanmedian(np.abs(found.residuals))) or 1.0  # px, of most residuals
+        with np.errstate(invalid="ignore"):
+            is_out = (found.residuals**2).sum(axis=-1) > 2.0 * (OUTLIER * spread) ** 2
+        if not is_out.any():
+            break
+        bundle = replace(found.bundle, seen=np.where(is_out[..., np.newaxis], np.nan, found.bundle.seen))
+    return found
 
 
 @dataclass(frozen=True, eq=False)
-class WandBundle(RoomBundle):
+class WandBundle(Bundle):
     """A wand: five numbers in a frame, its first ball and two of its direction.
 
     Attributes
@@ -69,6 +65,7 @@ class WandBundle(RoomBundle):
     direction: Floats
 
     n_own, fewest_cameras = 5, 2
+    advice = "move the wand longer, in all parts of the room, near and far from each camera, upright and level"
 
     @property
     def places(self) -> Floats:
@@ -79,12 +76,12 @@ class WandBundle(RoomBundle):
         """Return how balls change with the first ball and with a tilt across the wand."""
         out = np.zeros((len(self.first), len(self.distances), 3, self.n_own))
         out[..., :3] = np.eye(3)
-        out[..., 3:] = self.distances[:, np.newaxis, np.newaxis] * _tangents(self.direction)[:, np.newaxis]
+        out[..., 3:] = self.distances[:, np.newaxis, np.newaxis] * frame_along(self.direction)[:, np.newaxis, :, :2]
         return out
 
     def moved(self, steps: Floats) -> Self:
         """Return the bundle after a shift and a tilt of each wand."""
-        tilt = (_tangents(self.direction) @ steps[:, 3:, np.newaxis])[..., 0]
+        tilt = (frame_along(self.direction)[..., :2] @ steps[:, 3:, np.newaxis])[..., 0]
         turns = matrix_from_vector(np.cross(self.direction, tilt))
         direction = (turns @ self.direction[..., np.newaxis])[..., 0]
         return replace(self, first=self.first + steps[:, :3], direction=direction)
@@ -92,49 +89,6 @@ class WandBundle(RoomBundle):
     def of(self, frames: Bools) -> Self:
         """Return the bundle of some frames."""
         return replace(self, first=self.first[frames], direction=self.direction[frames], seen=self.seen[frames])
-
-
-@dataclass(frozen=True, eq=False)
-class BoardBundle(RoomBundle):
-    """A board: its pose in each frame.
-
-    Attributes
-    ----------
-    points : ndarray, shape (n_points, 3), mm
-        Corners in the board's frame.
-    poses : ndarray, shape (n_frames, 4, 4), mm
-        world_from_board.
-    """
-
-    points: Floats
-    poses: Floats
-
-    n_own = 6
-
-    @property
-    def places(self) -> Floats:
-        """Places of all corners, shape (n_frames, n_points, 3), mm."""
-        return moved_points(self.poses, self.points)
-
-    def slopes(self) -> Floats:
-        """Return how corners change with a turn and a shift of the board."""
-        return slopes_by_motion(self.points @ np.swapaxes(self.poses[:, :3, :3], 1, 2))
-
-    def moved(self, steps: Floats) -> Self:
-        """Return the bundle after a turn and a shift of each board."""
-        return replace(self, poses=moved_pose(self.poses, steps))
-
-    def of(self, frames: Bools) -> Self:
-        """Return the bundle of some frames."""
-        return replace(self, poses=self.poses[frames], seen=self.seen[frames])
-
-
-def _tangents(direction: Floats) -> Floats:
-    """Two directions across each, shape (n_frames, 3, 2)."""
-    least = np.eye(3)[np.abs(direction).argmin(axis=1)]
-    across = np.cross(direction, least)
-    across /= np.linalg.norm(across, axis=1, keepdims=True)
-    return np.stack([across, np.cross(direction, across)], axis=2)
 
 
 SAMPLES, OF_A_SAMPLE, TRIMMED = 30, 12, 3

@@ -5,17 +5,16 @@ The errors of the rig say what becomes of points: to first order, and up to a mo
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 
-from skelgen.capture.calibration.bundle_adjustment import pixels_and_slopes
+from skelgen.capture.calibration.bundle_adjustment import Adjusted, Bundle, free_numbers, pixels_and_slopes
 from skelgen.capture.calibration.chessboard import uncovered
 from skelgen.capture.calibration.verdict import GOOD, REPEAT, USABLE, Verdict
 from skelgen.capture.optics import in_image
-from skelgen.capture.room.adjustment import N_CAMERA, AdjustedRoom, adjust_room, free_numbers
 from skelgen.capture.room.boards import AnyBoard, board_start
-from skelgen.capture.room.bundles import RoomBundle
+from skelgen.capture.room.bundles import adjust_room
 from skelgen.capture.room.start import LEAST_SHARED, LENS, placed_in, start_values
 from skelgen.capture.room.values import Views
 from skelgen.capture.room.wand_and_ground import FEWEST_CAMERAS, check_wand, wand_views
@@ -38,8 +37,6 @@ ENOUGH_VIEWS, ENOUGH_OF_BOARD = 200, 15
 
 MUCH_LEFT_OUT = 0.05
 """Part of the balls or corners that fit nothing above which a notice says so."""
-
-_B = TypeVar("_B", bound=RoomBundle)
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,8 +103,7 @@ def calibrate_wand(
     seen = wand_views(frames, wand, LEAST_SHARED)
     start = start_values(seen, wand, list(sizes), called)
     placed = np.isfinite(start.first[:, 0])
-    adjusted = adjust_room(start.of(placed), free_numbers(len(called), LENS))
-    return _calibration(adjusted, called, _WAND)
+    return _calibration(start.of(placed), called, _WAND)
 
 
 def calibrate_boards(
@@ -132,8 +128,7 @@ def calibrate_boards(
         If a camera sees too little of the board, or shares too few views with others.
     """
     called = list(names) or [f"camera {number + 1}" for number in range(len(sizes))]
-    start = board_start(seen, board, sizes, called)
-    return _calibration(adjust_room(start, free_numbers(len(called), LENS)), called, _BOARD)
+    return _calibration(board_start(seen, board, sizes, called), called, _BOARD)
 
 
 class _Words(NamedTuple):
@@ -152,7 +147,8 @@ _BOARD = _Words(
 )
 
 
-def _calibration(adjusted: AdjustedRoom[_B], names: Sequence[str], words: _Words) -> WandCalibration:
+def _calibration(start: Bundle, names: Sequence[str], words: _Words) -> WandCalibration:
+    adjusted = adjust_room(start, free_numbers(len(names), LENS))
     bundle = adjusted.bundle
     cameras = [replace(eye, name=name) for eye, name in zip(bundle.cameras, names, strict=True)]
     covariance = _of_places(adjusted.covariance, cameras)
@@ -164,7 +160,8 @@ def _calibration(adjusted: AdjustedRoom[_B], names: Sequence[str], words: _Words
     calibrated = point_covariances(rig, covariance, room_grid(balls))[0]
     point_std = float(np.sqrt(3.0 * np.diag(calibrated).mean()))
     n_views, shared = shows.sum(axis=0), shows.T.astype(np.intp) @ shows
-    verdict = _judge(rig, adjusted, (scale_std, point_std), n_views, balls, words)
+    n_seen = int(np.isfinite(start.seen[..., 0]).sum())
+    verdict = _judge(rig, adjusted, (scale_std, point_std), n_views, n_seen, words)
     return WandCalibration(rig, covariance, n_views, shared, scale_std, point_std, balls, verdict)
 
 
@@ -175,7 +172,7 @@ def _of_places(covariance: Floats, cameras: Sequence[Camera]) -> Floats:
     """
     change = np.eye(len(covariance))
     for index, eye in enumerate(cameras):
-        turn, place = (slice(N_CAMERA * index + first, N_CAMERA * index + first + 3) for first in (9, 12))
+        turn, place = (slice(N_CAMERA_STD * index + first, N_CAMERA_STD * index + first + 3) for first in (9, 12))
         change[place, place] = -np.eye(3)
         change[place, turn] = -cross_matrix(eye.camera_from_world[:3, 3])
     return np.asarray(change @ covariance @ change.T)
@@ -187,30 +184,29 @@ def _scale_std(rig: CameraRig, covariance: Floats) -> float:
     far = int(np.linalg.norm(gaps, axis=1).argmax())
     distance = float(np.linalg.norm(gaps[far]))
     along = rig.cameras[far].camera_from_world[:3, :3] @ gaps[far] / distance
-    block = slice(N_CAMERA * far + 12, N_CAMERA * far + 15)
+    block = slice(N_CAMERA_STD * far + 12, N_CAMERA_STD * far + 15)
     return float(np.sqrt(along @ covariance[block, block] @ along)) / distance
 
 
 def _judge(
-    rig: CameraRig, adjusted: AdjustedRoom[_B], stated: tuple[float, float], n_views: Ints, balls: Floats, words: _Words
+    rig: CameraRig, adjusted: Adjusted[Bundle], stated: tuple[float, float], n_views: Ints, n_seen: int, words: _Words
 ) -> Verdict:
-    scale_std, point_std = stated
+    (scale_std, point_std), extent = stated, extent_of(adjusted.bundle.places.reshape(-1, 3))
     is_good = adjusted.noise <= GOOD_NOISE and scale_std <= GOOD_SCALE and n_views.min() >= words.enough
     is_usable = adjusted.noise <= USABLE_NOISE and scale_std <= USABLE_SCALE
     grade = GOOD if is_good else USABLE if is_usable else REPEAT
     sentences = [
         f"{grade.capitalize()}: {words.parts} lie {adjusted.noise:.2f} px from where they are expected along each "
         f"axis, in {int(n_views.min())} to {int(n_views.max())} views a camera; points are known to "
-        f"{point_std:.2g} mm, lengths to {100 * scale_std:.2g} %; the {words.thing} was in {extent_of(balls)} m."
+        f"{point_std:.2g} mm, lengths to {100 * scale_std:.2g} %; the {words.thing} was in {extent} m."
     ]
     if adjusted.noise > USABLE_NOISE:
         sentences.append(
             "Errors of more than a pixel are no noise: are all images of one moment, and the distances right?"
         )
     n_used = int(np.isfinite(adjusted.bundle.seen[..., 0]).sum())
-    if adjusted.n_left_out > MUCH_LEFT_OUT * n_used:
-        share = 100 * adjusted.n_left_out / (n_used + adjusted.n_left_out)
-        sentences.append(f"{share:.0f} % of the {words.parts} fit nothing: {words.fits_nothing}.")
+    if n_seen - n_used > MUCH_LEFT_OUT * n_used:
+        sentences.append(f"{100 * (1 - n_used / n_seen):.0f} % of the {words.parts} fit nothing: {words.fits_nothing}.")
     for camera, count in zip(rig.cameras, n_views.tolist(), strict=True):
         if count < words.enough:
             sentences.append(

@@ -15,14 +15,14 @@ from skelgen.capture.live import Recognised, Recogniser
 from skelgen.capture.room.recording import BallFinder
 from skelgen.capture.room.tracks import RoomTracker
 from skelgen.capture.room.values import FrameSet
+from skelgen.capture.room.watch import FEWEST_BALLS, LEAST_FIT
 from skelgen.capture.values import Balls, Image
 from skelgen.model.arrays import Ints
 from skelgen.model.rig import RoomSettings
 
-WINDOW, LEAST_FIT = 100, 0.3
-"""Frames over which a camera is judged, and the part of its balls that must be part of points."""
+WINDOW = 100
+"""Frames over which a camera is judged."""
 
-FEWEST_BALLS = 50
 LASTING = 4
 """Frames that a point of two cameras lasts before it is handed on."""
 

@@ -3,7 +3,7 @@
 Sources of several kinds run as one: folders beside videos, cameras of one driver beside those of another.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from itertools import zip_longest
 from pathlib import Path
@@ -11,17 +11,11 @@ from typing import Self
 
 from skelgen.capture.room.values import FrameSet, RoomSource
 from skelgen.capture.sources.options import CameraOptions, FireWireOptions, GenicamOptions, SourceText
-from skelgen.capture.sources.pairs import LiveCamera, Shot
+from skelgen.capture.sources.pairs import LiveCamera, LiveCameras, Opener, Shot, shared_rate, with_rate
 from skelgen.errors import CaptureError
 
-Opener = Callable[[ExitStack], tuple[Sequence[LiveCamera], float | None]]
-"""Opens and starts all cameras; the stack closes them. Their rate [Hz], if it is known."""
 
-_MILLISECONDS = 1e-3
-_SAME_RATE = 0.01  # of the largest
-
-
-class LiveSets:
+class LiveSets(LiveCameras):
     """The images of cameras that run.
 
     Every camera's oldest image waits. Those that were taken at the time of the oldest of all are one moment; a camera
@@ -42,30 +36,13 @@ class LiveSets:
     """
 
     def __init__(self, name: str, cameras: tuple[str, ...], opener: Opener, options: CameraOptions) -> None:
-        self.name, self.cameras, self.opener, self.options = name, cameras, opener, options
-        self.rate: float | None = options.rate or None
-        self.worst_skew = 0.0
-        self._stack, self._open = ExitStack(), list[LiveCamera]()
+        super().__init__(name, opener, options)
+        self.cameras = cameras
         self._waiting: list[Shot | None] = []
         self._silent: set[int] = set()
 
-    @property
-    def n_frames(self) -> int | None:
-        """Sets after which the source ends; None if it goes on."""
-        return self.options.frames or None
-
-    def __enter__(self) -> Self:
-        """Open and start all cameras."""
-        with ExitStack() as stack:
-            cameras, self.rate = self.opener(stack)
-            self._stack = stack.pop_all()
-        self._open, self._waiting = list(cameras), [None] * len(cameras)
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        """Stop all cameras and let go of them."""
-        self._open = []
-        self._stack.close()
+    def _begin(self, cameras: Sequence[LiveCamera]) -> None:
+        self._waiting = [None] * len(cameras)
 
     def __iter__(self) -> Iterator[FrameSet]:
         """Deliver sets until the source is closed, or as many as were asked for.
@@ -76,7 +53,7 @@ class LiveSets:
             If no camera sends images any more, or images of one moment are further apart than allowed.
         """
         index, first, before = -1, None, None
-        while self._open and (self.n_frames is None or index + 1 < self.n_frames):
+        while self.running and (self.n_frames is None or index + 1 < self.n_frames):
             shots = self._next()
             time = min(shot.time for shot in shots if shot is not None)
             first = time if first is None else first
@@ -87,10 +64,10 @@ class LiveSets:
 
     def _next(self) -> list[Shot | None]:
         """The images of the next moment, None of the cameras that lost theirs."""
-        for place, camera in enumerate(self._open):
+        for place, camera in enumerate(self.running):
             if self._waiting[place] is None:
                 shot = self._waiting[place] = camera.take(0.0 if place in self._silent else self.options.timeout)
-                if shot is None and len(self._silent) < len(self._open) - 1:
+                if shot is None and len(self._silent) < len(self.running) - 1:
                     self._silent.add(place)
                 elif shot is not None:
                     self._silent.discard(place)
@@ -99,24 +76,23 @@ class LiveSets:
             raise CaptureError(
                 f"no camera of {self.name} has sent an image for {self.options.timeout:g} s; check cables and trigger"
             )
-        oldest, allowed = min(there), self.options.skew * _MILLISECONDS
-        same_moment = max(0.5 / self.rate if self.rate else 0.0, allowed)
+        oldest = min(there)
         out: list[Shot | None] = []
         for place, shot in enumerate(self._waiting):
-            is_now = shot is not None and shot.time - oldest < same_moment
+            is_now = shot is not None and shot.time - oldest < self._same_moment
             out.append(shot if is_now else None)
             if is_now:
                 self._waiting[place] = None
-        self._check_skew(out, oldest, allowed)
+        self._check_skew(out, oldest)
         return out
 
-    def _check_skew(self, shots: list[Shot | None], oldest: float, allowed: float) -> None:
-        for camera, shot in zip(self._open, shots, strict=True):
+    def _check_skew(self, shots: list[Shot | None], oldest: float) -> None:
+        for camera, shot in zip(self.running, shots, strict=True):
             skew = 0.0 if shot is None else shot.time - oldest
             self.worst_skew = max(self.worst_skew, skew)
-            if skew > allowed:
+            if skew > self._allowed:
                 raise CaptureError(
-                    f"the images of {camera.name} are {skew / _MILLISECONDS:.3g} ms later than those of others, and "
+                    f"the images of {camera.name} are {1e3 * skew:.3g} ms later than those of others, and "
                     f"{self.options.skew:g} ms are allowed: trigger all cameras by one line, or allow more: ?skew=..."
                 )
 
@@ -133,7 +109,7 @@ def open_gige_sets(text: SourceText) -> LiveSets:
 
     options = GenicamOptions.from_mapping(text.options, str(text))
     names = _named(text, text.places, "gige:10.0.0.2,10.0.0.3,10.0.0.4")
-    return LiveSets(str(text), names, lambda stack: _with_rate(open_gige(stack, names, options)), options)
+    return LiveSets(str(text), names, lambda stack: with_rate(open_gige(stack, names, options)), options)
 
 
 def open_gentl_sets(text: SourceText) -> LiveSets:
@@ -143,7 +119,7 @@ def open_gentl_sets(text: SourceText) -> LiveSets:
     options = GenicamOptions.from_mapping(text.options, str(text))
     names = _named(text, text.places[1:], "gentl:producer.cti,one,two,three")
     producer = Path(text.places[0])
-    return LiveSets(str(text), names, lambda stack: _with_rate(open_gentl(stack, producer, names, options)), options)
+    return LiveSets(str(text), names, lambda stack: with_rate(open_gentl(stack, producer, names, options)), options)
 
 
 def open_firewire_sets(text: SourceText) -> LiveSets:
@@ -154,32 +130,6 @@ def open_firewire_sets(text: SourceText) -> LiveSets:
     names = _named(text, text.places, "firewire:GUID1,GUID2,GUID3")
     numbers = tuple(guid_of(name) for name in names)
     return LiveSets(str(text), names, lambda stack: open_firewire(stack, numbers, options), options)
-
-
-def _with_rate(cameras: Sequence[LiveCamera]) -> tuple[Sequence[LiveCamera], float | None]:
-    """Cameras with their rate: the one that all have, else None."""
-    rates = [(camera.name, getattr(camera, "rate", None)) for camera in cameras]
-    return cameras, None if any(rate is None for _, rate in rates) else shared_rate(rates)
-
-
-def shared_rate(rates: Sequence[tuple[str, float | None]]) -> float | None:
-    """Return the rate that cameras or recordings have [Hz]; None if that of none is known.
-
-    Parameters
-    ----------
-    rates : sequence of tuple of str and float or None, Hz
-        What each is called, and its rate, if it is known.
-
-    Raises
-    ------
-    CaptureError
-        If their rates differ by more than a hundredth.
-    """
-    known = [rate for _, rate in rates if rate is not None]
-    if known and max(known) - min(known) > _SAME_RATE * max(known):
-        listed = ", ".join(f"{name} {rate:.4g} Hz" for name, rate in rates if rate is not None)
-        raise CaptureError(f"images come at different rates: {listed}; give each the right one by ?rate=...")
-    return known[0] if known else None
 
 
 class RecordedTogether:

@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from skelgen.capture.reference_rig import reference_arm
-from skelgen.geometry.rotations import matrix_from_vector, transform_from
+from skelgen.capture.simulated_rig.scene import moved_truth
+from skelgen.geometry.rotations import matrix_from_vector, transform_from, unit_vectors
 from skelgen.model.arrays import Bools, Floats
 from skelgen.model.rig import Camera, CameraRig
 from skelgen.parameters import ParameterValue
@@ -59,9 +60,8 @@ def room_rig(n_cameras: int = 8, size: tuple[int, int] = (1280, 1024)) -> Camera
 
 def _looking(place: Floats) -> Floats:
     """camera_from_world of a camera that looks at the middle of the room, upright."""
-    ahead = (_LOOKED_AT - place) / np.linalg.norm(_LOOKED_AT - place)
-    right = np.cross(ahead, [0.0, 0.0, 1.0])
-    right /= np.linalg.norm(right)
+    ahead = unit_vectors(_LOOKED_AT - place)
+    right = unit_vectors(np.cross(ahead, [0.0, 0.0, 1.0]))
     turn = np.stack([right, np.cross(ahead, right), ahead])
     return transform_from(turn, -turn @ place)
 
@@ -113,8 +113,7 @@ def wand_scene(
     """
     rng = np.random.default_rng(seed)
     middle = _LOOKED_AT + 1.6 * _WAVED * smooth_curves(rng, n_frames, rate, 3, _SLOW)
-    turning = smooth_curves(rng, n_frames, rate, 3, _TURNING)
-    along = turning / np.linalg.norm(turning, axis=1, keepdims=True)
+    along = unit_vectors(smooth_curves(rng, n_frames, rate, 3, _TURNING))
     offsets = np.array(distances, dtype=np.float64)
     offsets -= offsets.mean()
     positions = middle[:, np.newaxis] + offsets[:, np.newaxis] * along[:, np.newaxis]
@@ -138,10 +137,8 @@ def board_poses(rig: CameraRig, n_frames: int, seed: int = 0) -> Floats:
     one = rng.integers(len(places), size=n_frames)
     before = (places[one] + places[(one + 1) % len(places)]) / 2 * [1, 1, 0.6]
     middle = rng.uniform((-900, -900, 500), (900, 900, 1700), (n_frames, 3))
-    away = middle - before
-    away /= np.linalg.norm(away, axis=1, keepdims=True)
-    across = np.cross([0.0, 0.0, 1.0], away)
-    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    away = unit_vectors(middle - before)
+    across = unit_vectors(np.cross([0.0, 0.0, 1.0], away))
     turn = np.stack([across, np.cross(away, across), away], axis=2)
     return transform_from(turn @ matrix_from_vector(rng.uniform(-0.5, 0.5, (n_frames, 3))), middle)
 
@@ -194,14 +191,10 @@ def person_scene(
     wanted = {"rate": ROOM_RATE, "walk": 700.0, **options, "labelled": True, "n_frames": n_frames}
     made = simulate(body, seed=seed, parameters=None, **wanted)
     truth = made.truth
-    middle = truth.marker_positions.mean(axis=(0, 1))
-    shift = np.array([-middle[0], -middle[1], 0.0])
-    positions, poses = truth.marker_positions + shift, truth.world_from_limb.copy()
-    poses[..., :3, 3] += shift
+    shift = -truth.marker_positions.mean(axis=(0, 1)) * [1.0, 1.0, 0.0]
+    there = moved_truth(truth, transform_from(np.eye(3), shift))
+    poses, positions = there.world_from_limb, there.marker_positions
     hidden = np.stack([blocked_by_limbs(body, poses, positions, place) for place in rig.places], axis=1)
-    there = replace(
-        truth, marker_positions=positions, world_from_limb=poses, joint_positions=truth.joint_positions + shift
-    )
     return RoomScene(positions, hidden, made.take.rate, there)
 
 

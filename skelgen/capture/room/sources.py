@@ -5,16 +5,14 @@ A camera whose image is lost delivers None; the others go on.
 
 import re
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, ClassVar, Self
+from typing import ClassVar
 
 import numpy as np
 
 from skelgen.capture.calibration.chessboard import Board
-from skelgen.capture.images import IMAGE_SUFFIXES, opencv, read_image
-from skelgen.capture.parameters import RenderParameters
+from skelgen.capture.images import IMAGE_SUFFIXES, read_image
 from skelgen.capture.room.live_sources import (
     LiveSets,
     RecordedTogether,
@@ -33,11 +31,11 @@ from skelgen.capture.room.simulated import (
     wand_scene,
 )
 from skelgen.capture.room.values import FrameSet, RoomSource
-from skelgen.capture.simulated_rig import board_image, render_view
+from skelgen.capture.simulated_rig import RenderParameters, board_image, render_view
 from skelgen.capture.simulated_rig.scene import joints_of, targets_of
 from skelgen.capture.sources.images import natural_order
 from skelgen.capture.sources.options import FileOptions, SourceText, VideoOptions, parse_source
-from skelgen.capture.sources.video import next_image, open_videos
+from skelgen.capture.sources.video import OpenVideos
 from skelgen.capture.values import Image, NothingToOpen
 from skelgen.errors import CaptureError, InputError
 from skelgen.geometry.rotations import transform_from
@@ -96,7 +94,7 @@ def _check_count(count: int, what: str) -> None:
         raise CaptureError(f"{what} ({fewest} to {most})")
 
 
-class VideoSets:
+class VideoSets(OpenVideos):
     """Videos, one for each camera; one that ends before the others delivers nothing more.
 
     Parameters
@@ -113,14 +111,11 @@ class VideoSets:
     """
 
     def __init__(self, paths: tuple[Path, ...], options: VideoOptions) -> None:
+        super().__init__(paths, options)
         self.name, self.cameras = paths[0].parent.name or "videos", tuple(path.stem for path in paths)
-        self._paths, self._limit, self._stack = paths, options.frames, ExitStack()
-        self._videos: list[Any] = []
-        cv2 = opencv()
         with self:
-            self._counts = [int(video.get(cv2.CAP_PROP_FRAME_COUNT)) for video in self._videos]
-            rates = [float(video.get(cv2.CAP_PROP_FPS)) for video in self._videos]
-        self.rate: float | None = options.rate or float(np.median(rates)) or None
+            self._counts, rates = list(map(int, self._facts("FRAME_COUNT"))), self._facts("FPS")
+        self.rate = self.rate or float(np.median(rates)) or None
 
     @property
     def n_frames(self) -> int | None:
@@ -128,23 +123,12 @@ class VideoSets:
         promised = max(self._counts)
         return min(promised, self._limit) if self._limit else promised
 
-    def __enter__(self) -> Self:
-        self._videos = open_videos(self._paths, self._stack)
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        self._videos = []
-        self._stack.close()
-
     def __iter__(self) -> Iterator[FrameSet]:
         """Read frame by frame until all have ended."""
-        index = 0
-        while not self._limit or index < self._limit:
-            images = tuple(next_image(video) for video in self._videos)
+        for index, time, images in self._frames():
             if all(image is None for image in images):
                 return
-            yield FrameSet(images, index / self.rate if self.rate else float(index), index)
-            index += 1
+            yield FrameSet(images, time, index)
 
 
 @dataclass(frozen=True)
@@ -186,7 +170,7 @@ class SimulatedRoom(NothingToOpen):
         self.name, self.cameras = "simulated room", rig.names
         self.rate: float | None = scene.rate
         size = _SMALLEST * _DISTANCE / float(rig.cameras[0].matrix[0, 0])
-        self.parameters = RenderParameters().replace(bright_distance=_DISTANCE, diameter=size, reflections=0)
+        self.parameters = RenderParameters(size, bright_distance=_DISTANCE, reflections=0)
 
     @property
     def n_frames(self) -> int:

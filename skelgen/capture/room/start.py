@@ -13,13 +13,13 @@ from itertools import combinations
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
+from skelgen.capture.calibration.bundle_adjustment import free_numbers, residuals_of
 from skelgen.capture.images import opencv
 from skelgen.capture.optics import undistort
-from skelgen.capture.room.adjustment import adjust_room, free_numbers, residuals_of
-from skelgen.capture.room.bundles import Resected, WandBundle, resected
+from skelgen.capture.room.bundles import Resected, WandBundle, adjust_room, resected
 from skelgen.capture.room.wand_and_ground import TWO
 from skelgen.errors import InputError
-from skelgen.geometry.rotations import nearest_rotation, transform_from
+from skelgen.geometry.rotations import nearest_rotation, transform_from, unit_vectors
 from skelgen.geometry.statistics import SIGMA_OF_MEDIAN
 from skelgen.model.arrays import Bools, Floats, Ints, evenly_spread
 from skelgen.model.rig import Camera
@@ -249,8 +249,7 @@ def _placed_pair(seen: Floats, wand: Floats, eyes: tuple[Camera, Camera]) -> tup
 def _replaced(bundle: WandBundle) -> WandBundle:
     """The bundle with the wand placed in all frames in which two of its cameras show it; NaN elsewhere."""
     balls = _nearest_to_rays(bundle)
-    along = balls[:, -1] - balls[:, 0]
-    direction = along / np.linalg.norm(along, axis=1, keepdims=True)
+    direction = unit_vectors(balls[:, -1] - balls[:, 0])
     return replace(bundle, first=balls.mean(axis=1) - bundle.distances.mean() * direction, direction=direction)
 
 
@@ -266,8 +265,7 @@ def _nearest_to_rays(bundle: WandBundle) -> Floats:
         rays = undistort(eye, bundle.seen[:, index])
         shown = np.isfinite(rays).all(axis=(1, 2))
         turn, shift = eye.camera_from_world[:3, :3], eye.camera_from_world[:3, 3]
-        along = np.concatenate([rays[shown], np.ones((int(shown.sum()), n_balls, 1))], axis=2) @ turn
-        along /= np.linalg.norm(along, axis=2, keepdims=True)
+        along = unit_vectors(np.concatenate([rays[shown], np.ones((int(shown.sum()), n_balls, 1))], axis=2) @ turn)
         across = np.eye(3) - along[..., np.newaxis] * along[..., np.newaxis, :]
         normal[shown] += across
         pulled[shown] += across @ (-turn.T @ shift)
@@ -283,8 +281,7 @@ def _adjusted(bundle: WandBundle, seen: Floats) -> WandBundle:
     frames[_some(np.isfinite(whole.first[:, 0]))] = True
     part = whole.of(frames)
     for numbers in (MIDDLE, LENS):
-        done = adjust_room(part, free_numbers(len(part.cameras), numbers))
-        part = done.bundle
+        part = adjust_room(part, free_numbers(len(part.cameras), numbers)).bundle
     return _replaced(replace(whole, cameras=part.cameras))
 
 

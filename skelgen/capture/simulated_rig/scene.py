@@ -8,8 +8,18 @@ import numpy as np
 from skelgen.capture.optics import in_image, project, view_centre
 from skelgen.capture.reference_rig import reference_arm
 from skelgen.errors import InputError
-from skelgen.geometry.rotations import matrix_from_vector
-from skelgen.model.arrays import Bools, Floats, Ints, check_bools, check_floats, check_ints, check_names, check_rate
+from skelgen.geometry.rotations import frame_along, matrix_from_vector, moved_points, transform_from
+from skelgen.model.arrays import (
+    Bools,
+    Floats,
+    Ints,
+    check_bools,
+    check_floats,
+    check_ints,
+    check_names,
+    check_rate,
+    set_fields,
+)
 from skelgen.model.rig import BodyTarget, StereoRig, TargetJoint
 from skelgen.parameters import ParameterValue
 from skelgen.simulation import Structure, find_structure, simulate
@@ -70,11 +80,10 @@ class Scene:
         check_names([body.name for body in self.bodies], len(self.bodies), "target")
         poses = check_floats(self.world_from_body, (n_frames, len(self.bodies), 4, 4), "world_from_body", finite=True)
         hidden = self.hidden if self.hidden.size else np.zeros((n_frames, 2, n_balls), dtype=np.bool_)
-        object.__setattr__(self, "points", points)
-        object.__setattr__(self, "world_from_body", poses)
-        object.__setattr__(self, "body_of_ball", check_ints(self.body_of_ball, (n_balls,), "body_of_ball"))
-        object.__setattr__(self, "hidden", check_bools(hidden, (n_frames, 2, n_balls), "hidden"))
-        object.__setattr__(self, "rate", check_rate(self.rate, "the scene"))
+        owners = check_ints(self.body_of_ball, (n_balls,), "body_of_ball")
+        hidden = check_bools(hidden, (n_frames, 2, n_balls), "hidden")
+        rate = check_rate(self.rate, "the scene")
+        set_fields(self, points=points, world_from_body=poses, body_of_ball=owners, hidden=hidden, rate=rate)
 
     @property
     def n_frames(self) -> int:
@@ -107,8 +116,7 @@ def scene_of_bodies(
     """
     poses = check_floats(world_from_body, (None, len(bodies), 4, 4), "world_from_body", finite=True)
     owners = np.repeat(np.arange(len(bodies)), [len(body.points) for body in bodies])
-    points = [poses[:, i, np.newaxis, :3, :3] @ body.points[..., np.newaxis] for i, body in enumerate(bodies)]
-    placed = [points[i][..., 0] + poses[:, i, np.newaxis, :3, 3] for i in range(len(bodies))]
+    placed = [moved_points(poses[:, index], body.points) for index, body in enumerate(bodies)]
     if single_balls is not None:
         placed.append(np.broadcast_to(single_balls, (len(poses), *np.shape(single_balls)[-2:])))
         owners = np.append(owners, np.full(np.shape(single_balls)[-2], -1))
@@ -180,30 +188,34 @@ def scene_of_structure(
     points = (seen - truth.marker_positions.mean(axis=(0, 1))) @ RIG_FROM_SIMULATION.T
     place = view_centre(rig, distance) if distance > 0 else _near_place(points, rig)
     shift = place - RIG_FROM_SIMULATION @ truth.marker_positions.mean(axis=(0, 1))
-    rig_from_simulation = np.eye(4)
-    rig_from_simulation[:3, :3], rig_from_simulation[:3, 3] = RIG_FROM_SIMULATION, shift
+    rig_from_simulation = transform_from(RIG_FROM_SIMULATION, shift)
     hidden = np.zeros((len(seen), 2, body.n_markers), dtype=np.bool_)
     if hide:
         for side, camera in enumerate((rig.left, rig.right)):
             eye = np.asarray(np.linalg.inv(camera.camera_from_world @ rig_from_simulation)[:3, 3], dtype=np.float64)
             hidden[:, side] = blocked_by_limbs(body, truth.world_from_limb, truth.marker_positions, eye)
-    poses = rig_from_simulation @ truth.world_from_limb
     targets, joints = targets_of(body), joints_of(body)
-    there = _placed(truth, rig_from_simulation)
-    return Scene(
-        points + place, poses, body.limb_of_marker, targets, joints, hidden, simulated.take.rate, body.name, there
-    )
+    there = moved_truth(truth, rig_from_simulation)
+    owners, rate = body.limb_of_marker, simulated.take.rate
+    return Scene(points + place, there.world_from_limb, owners, targets, joints, hidden, rate, body.name, there)
 
 
-def _placed(truth: Truth, place: Floats) -> Truth:
-    """A truth seen from elsewhere."""
-    turn, shift = place[:3, :3], place[:3, 3]
+def moved_truth(truth: Truth, pose: Floats) -> Truth:
+    """Return the truth of what moves at another place.
+
+    Parameters
+    ----------
+    truth : Truth
+        Of a simulated structure.
+    pose : ndarray, shape (4, 4), mm
+        Brings its world into the new one.
+    """
     return replace(
         truth,
-        joint_positions=truth.joint_positions @ turn.T + shift,
-        joint_axes=truth.joint_axes @ turn.T,
-        world_from_limb=place @ truth.world_from_limb,
-        marker_positions=truth.marker_positions @ turn.T + shift,
+        joint_positions=moved_points(pose, truth.joint_positions),
+        joint_axes=truth.joint_axes @ pose[:3, :3].T,
+        world_from_limb=pose @ truth.world_from_limb,
+        marker_positions=moved_points(pose, truth.marker_positions),
     )
 
 
@@ -222,7 +234,7 @@ def joints_of(structure: Structure) -> tuple[TargetJoint, ...]:
         if limb.kind in ("ball", "hinge"):
             in_child = np.eye(4)
             if limb.kind == "hinge":
-                in_child[:3, :3] = _frame_about(limb.axes[0])
+                in_child[:3, :3] = frame_along(limb.axes[0])
             in_parent = in_child.copy()
             in_parent[:3, 3] = limb.joint
             joints.append(TargetJoint(limb.name, limb.kind, limb.parent, limb.name, in_parent, in_child))
@@ -292,13 +304,6 @@ def _near_place(points: Floats, rig: StereoRig) -> Floats:
         f"the structure fits into both images at no distance up to {_DISTANCES[-1] / 1000:.0f} m; let it walk less, "
         "or give the distance"
     )
-
-
-def _frame_about(axis: Floats) -> Floats:
-    """A rotation whose z axis is a unit vector."""
-    first = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
-    first /= np.linalg.norm(first)
-    return np.column_stack([first, np.cross(axis, first), axis])
 
 
 _IN_THE_HAND = Wandering(distance=900.0, spread=80.0, turn=0.9)

@@ -14,10 +14,9 @@ import numpy as np
 from scipy.special import ndtr, ndtri
 
 from skelgen._kernels.rendering import N_NORMALS, SAMPLES, DrawnBall, Light, NearerBalls, Sensor, draw_ball, expose
-from skelgen.capture.parameters import RenderParameters
 from skelgen.capture.reference_rig import reference_rig
 from skelgen.capture.simulated_rig.scene import Scene, scene_of_structure, show_alone
-from skelgen.capture.simulated_rig.view import ViewTruth, background, corner_rays, look_at
+from skelgen.capture.simulated_rig.view import RenderParameters, ViewTruth, background, corner_rays, look_at
 from skelgen.capture.values import FramePair, Image, NothingToOpen
 from skelgen.errors import InputError
 from skelgen.model.arrays import Bools, Floats, check_bools, check_floats
@@ -190,11 +189,10 @@ def suited_parameters(scene: Scene, rig: StereoRig) -> RenderParameters:
     parameters = RenderParameters()
     distance = float(np.nanmedian(np.linalg.norm(scene.points, axis=-1)))
     least = _SMALLEST_BALL * distance / rig.left.matrix[0, 0]
-    return parameters.replace(
-        bright_distance=max(parameters.bright_distance, distance), diameter=max(parameters.diameter, least)
-    )
+    return RenderParameters(max(parameters.diameter, least), bright_distance=max(parameters.bright_distance, distance))
 
 
+_BLUR = 0.7  # px, of lens and sensor
 _BLUR_REACH = 4.5  # standard deviations beyond which the blur leaves 1e-5
 
 
@@ -287,7 +285,7 @@ def render_view(
     """
     balls, truth = look_at(camera, points, parameters)
     light = background(camera, parameters, seed).copy()
-    rays, blur = corner_rays(camera), _blur_of_samples(parameters.blur)
+    rays, blur = corner_rays(camera), _blur_of_samples()
     radius, darkening = parameters.diameter / 2, parameters.limb_darkening
     for ball in range(len(balls.index)):
         mine, others = balls.windows[ball], balls.windows[:ball]  # of nearer balls
@@ -311,21 +309,14 @@ def _normal_quantiles() -> Light:
     return np.asarray(ndtri((np.arange(N_NORMALS) + 0.5) / N_NORMALS), dtype=np.float32)
 
 
-def _blur_of_samples(blur: float) -> Floats:
-    """How much of a sample's light each pixel receives along one axis: the normal density summed over the pixel.
+@lru_cache(maxsize=1)
+def _blur_of_samples() -> Floats:
+    """How much of a sample's light each pixel receives along one axis, shape ((2 reach + 1) `SAMPLES`,).
 
-    Parameters
-    ----------
-    blur : float, px
-        Standard deviation.
-
-    Returns
-    -------
-    ndarray, shape ((2 reach + 1) `SAMPLES`,)
-        For the samples from `reach` pixels before a pixel to as many behind it.
+    It is the normal density summed over the pixel, for the samples from `reach` pixels before it to as many behind it.
     """
-    reach = math.ceil(_BLUR_REACH * blur)
+    reach = math.ceil(_BLUR_REACH * _BLUR)
     n_samples = (2 * reach + 1) * SAMPLES
     offsets = (np.arange(n_samples) + 0.5) / SAMPLES - reach - 0.5
-    received = ndtr((offsets + 0.5) / blur) - ndtr((offsets - 0.5) / blur)
+    received = ndtr((offsets + 0.5) / _BLUR) - ndtr((offsets - 0.5) / _BLUR)
     return np.asarray(received / received.sum())

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from skelgen._kernels.rendering import PADDING
 from skelgen.capture.optics import project, undistort
-from skelgen.capture.parameters import RenderParameters
+from skelgen.geometry.rotations import frame_along, moved_points
 from skelgen.model.arrays import Floats, Ints
 from skelgen.model.rig import Camera
 
@@ -17,6 +17,45 @@ _Key = tuple[int, int, bytes, bytes, bytes]  # a camera's numbers: cameras that 
 _OUTLINE_POINTS = 32  # of a polygon around a ball; its area is corrected for the corners cut off
 _METAL_DISTANCES = (800.0, 2500.0)  # mm: the test rig and the room
 _METAL_WIDTHS, _METAL_LENGTHS = (2.0, 5.0), (6.0, 30.0)  # px: edges that shine along a part of their length
+METAL_LEVEL = 45.0
+"""Grey levels of the brightest piece of dull metal."""
+
+_LAMP_OFFSET, _LAMP_LOBE = 40.0, np.radians(4.0)  # mm from the lens; rad about the lamp in which balls send light back
+_BORDER_FALLOFF = 5.0  # power of the cosine of the angle off the axis with which brightness falls
+
+
+@dataclass(frozen=True)
+class RenderParameters:
+    """What balls, light and sensors of the simulated rig are like; the defaults are those of Gaschler (2011).
+
+    Attributes
+    ----------
+    diameter : float, mm
+        Of the balls.
+    limb_darkening : float
+        How much darker the rim of a ball is than its middle, as a part of it.
+    brightness : float, grey levels
+        Of a ball in the middle of the image at `bright_distance`; above 255 the sensor saturates.
+    bright_distance : float, mm
+        Distance at which a ball has that brightness.
+    background : float, grey levels
+        Brightness of what is dark.
+    noise : float, grey levels
+        Standard deviation of a dark pixel.
+    shot_noise : float, grey levels
+        Variance of a pixel that each grey level of light adds.
+    reflections : int
+        Pieces of dull metal in the scene.
+    """
+
+    diameter: float = 14.0
+    limb_darkening: float = 0.4
+    brightness: float = 400.0
+    bright_distance: float = 1000.0
+    background: float = 8.0
+    noise: float = 1.5
+    shot_noise: float = 0.02
+    reflections: int = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +119,7 @@ def look_at(camera: Camera, points: Floats, parameters: RenderParameters) -> tup
         Size and brightness of the balls.
     """
     radius = parameters.diameter / 2
-    places = points @ camera.camera_from_world[:3, :3].T + camera.camera_from_world[:3, 3]
+    places = moved_points(camera.camera_from_world, points)
     distances = np.linalg.norm(places, axis=1)
     eye = -camera.camera_from_world[:3, :3].T @ camera.camera_from_world[:3, 3]
     outlines = project(camera, _outlines(points, eye, radius))
@@ -114,14 +153,13 @@ def brightness(places: Floats, parameters: RenderParameters) -> Floats:
     """
     distances = np.linalg.norm(places, axis=1)
     cosines = np.clip(places[:, 2] / distances, 0.0, 1.0)
-    reference = parameters.bright_distance
-    by_distance = (reference / distances) ** 2 * _lobe(distances, parameters) / _lobe(np.array(reference), parameters)
-    return np.asarray(parameters.brightness * by_distance * cosines**parameters.border_falloff)
+    reference = np.array(parameters.bright_distance)
+    by_distance = (reference / distances) ** 2 * _lobe(distances) / _lobe(reference)
+    return np.asarray(parameters.brightness * by_distance * cosines**_BORDER_FALLOFF)
 
 
-def _lobe(distances: Floats, parameters: RenderParameters) -> Floats:
-    angle = np.arctan2(parameters.lamp_offset, distances) / np.deg2rad(parameters.lamp_lobe)
-    return np.asarray(np.exp(-(angle**2) / 2))
+def _lobe(distances: Floats) -> Floats:
+    return np.asarray(np.exp(-((np.arctan2(_LAMP_OFFSET, distances) / _LAMP_LOBE) ** 2) / 2))
 
 
 def _outlines(points: Floats, eye: Floats, radius: float) -> Floats:
@@ -129,9 +167,7 @@ def _outlines(points: Floats, eye: Floats, radius: float) -> Floats:
     sight = points - eye
     distances = np.maximum(np.linalg.norm(sight, axis=1, keepdims=True), radius)
     direction = sight / distances
-    aside = np.cross(direction, np.eye(3)[np.argmin(np.abs(np.nan_to_num(direction)), axis=1)])
-    aside /= np.linalg.norm(aside, axis=1, keepdims=True)
-    up = np.cross(direction, aside)
+    aside, up, _ = np.moveaxis(frame_along(direction), -1, 0)
     shrunk = 1 - (radius / distances) ** 2
     turn = 2 * np.pi * np.arange(_OUTLINE_POINTS)[:, np.newaxis] / _OUTLINE_POINTS
     circle = np.cos(turn) * aside[:, np.newaxis] + np.sin(turn) * up[:, np.newaxis]
@@ -205,7 +241,7 @@ def _background(key: _Key, parameters: RenderParameters, seed: int) -> NDArray[n
     for _ in range(parameters.reflections):
         slopes, distance = rng.uniform(-0.35, 0.35, size=2), rng.uniform(*_METAL_DISTANCES)
         width, length = rng.uniform(*_METAL_WIDTHS), rng.uniform(*_METAL_LENGTHS)
-        level, turn = parameters.reflection_level * rng.uniform(0.5, 1.0), rng.uniform(0, np.pi)
+        level, turn = METAL_LEVEL * rng.uniform(0.5, 1.0), rng.uniform(0, np.pi)
         centre = project(camera, distance * np.append(slopes, 1.0))
         if not np.isfinite(centre).all():
             continue

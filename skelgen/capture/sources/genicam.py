@@ -92,29 +92,6 @@ def grey(values: NDArray[np.uint8] | NDArray[np.uint16], pixel_format: str, came
     return (values >> (int(bits) - 8)).astype(np.uint8)
 
 
-def common_rate(rates: tuple[float | None, float | None], names: tuple[str, str]) -> float | None:
-    """Return the rate of both cameras; None if it is unknown.
-
-    Parameters
-    ----------
-    rates : tuple of float or None, Hz
-        Of the left and of the right camera.
-    names : tuple of str
-        What the cameras are called in messages.
-
-    Raises
-    ------
-    CaptureError
-        If they differ by more than a hundredth.
-    """
-    left, right = rates
-    if left is None or right is None:
-        return None
-    if abs(left - right) > 0.01 * max(left, right):
-        raise CaptureError(f"{names[0]} runs at {left:.4g} Hz and {names[1]} at {right:.4g}; set both by ?rate=...")
-    return left
-
-
 def only_two(found: list[Any], listed: str, example: str) -> list[Any]:
     """Return the only two cameras that there are, where the user names none.
 

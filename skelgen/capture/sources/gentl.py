@@ -10,9 +10,9 @@ from types import ModuleType
 from typing import Any
 
 from skelgen.capture.images import extra_module
-from skelgen.capture.sources.genicam import FrameNumber, SharedClock, common_rate, first_size, grey, only_two
+from skelgen.capture.sources.genicam import FrameNumber, SharedClock, first_size, grey, only_two
 from skelgen.capture.sources.options import GenicamOptions, check_two_cameras
-from skelgen.capture.sources.pairs import LivePairs, OpenPair, Shot
+from skelgen.capture.sources.pairs import LivePairs, Shot, with_rate
 from skelgen.errors import CaptureError, ParameterError
 
 _EXAMPLE = "gentl:producer.cti,LEFT,RIGHT"
@@ -50,7 +50,7 @@ def gentl_pairs(places: tuple[str, ...], options: GenicamOptions) -> LivePairs:
     if not producer.is_file():
         raise CaptureError(f"{producer}: no such GenTL producer; the camera's maker installs it, often below /opt")
     name = "gentl:" + ",".join(places)
-    return LivePairs(name, lambda stack: _open_pair(stack, producer, places[1:], options), options)
+    return LivePairs(name, lambda stack: with_rate(open_gentl(stack, producer, places[1:], options)), options)
 
 
 def check_trusted(places: tuple[str, ...]) -> None:
@@ -148,11 +148,6 @@ def open_gentl(
     found = list(harvester.device_info_list)
     chosen = _named(found, names, producer) if names else only_two(found, f"{producer} {_listed(found)}", _EXAMPLE)
     return [GentlCamera(harvester, device, options, stack) for device in chosen]
-
-
-def _open_pair(stack: ExitStack, producer: Path, names: tuple[str, ...], options: GenicamOptions) -> OpenPair:
-    left, right = open_gentl(stack, producer, names, options)
-    return OpenPair(left, right, common_rate((left.rate, right.rate), (left.name, right.name)))
 
 
 def _set_up(nodes: Any, options: GenicamOptions) -> float | None:

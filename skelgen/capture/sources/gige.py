@@ -8,9 +8,9 @@ from types import ModuleType
 from typing import Any
 
 from skelgen.capture.images import extra_module
-from skelgen.capture.sources.genicam import FrameNumber, SharedClock, common_rate, first_size, grey, only_two
+from skelgen.capture.sources.genicam import FrameNumber, SharedClock, first_size, grey, only_two
 from skelgen.capture.sources.options import GenicamOptions, check_two_cameras
-from skelgen.capture.sources.pairs import LivePairs, OpenPair, Shot
+from skelgen.capture.sources.pairs import LivePairs, Shot, with_rate
 from skelgen.errors import CaptureError
 
 _EXAMPLE = "gige:10.0.0.2,10.0.0.3"
@@ -36,7 +36,7 @@ def gige_pairs(addresses: tuple[str, ...], options: GenicamOptions) -> LivePairs
     """
     check_two_cameras("gige", addresses, _EXAMPLE)
     name = "gige:" + ",".join(addresses)
-    return LivePairs(name, lambda stack: _open_pair(stack, addresses, options), options)
+    return LivePairs(name, lambda stack: with_rate(open_gige(stack, addresses, options)), options)
 
 
 class GigeCamera:
@@ -115,12 +115,6 @@ def open_gige(stack: ExitStack, addresses: tuple[str, ...], options: GenicamOpti
     found = sorted(found, key=lambda device: [int(part) for part in device.ip.split(".")])
     chosen = _named(found, addresses) if addresses else only_two(found, _listed(found), _EXAMPLE)
     return [GigeCamera(device, options, stack) for device in chosen]
-
-
-def _open_pair(stack: ExitStack, addresses: tuple[str, ...], options: GenicamOptions) -> OpenPair:
-    left, right = open_gige(stack, addresses, options)
-    rate = common_rate((left.rate, right.rate), (left.name, right.name))
-    return OpenPair(left, right, rate)
 
 
 def _set_up(camera: Any, options: GenicamOptions) -> float | None:

@@ -1,6 +1,6 @@
 """Numbered pairs from the images of two cameras: which belong together, how many were lost, the newest of live ones."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Protocol, Self
@@ -98,6 +98,7 @@ def check_same_size(left: tuple[int, int], right: tuple[int, int], names: tuple[
 
 
 _MILLISECONDS = 1e-3
+_SAME_RATE = 0.01  # of the largest
 _TRIES = 100  # steps to find a partner: more than frames can be apart that were started together
 
 
@@ -127,75 +128,114 @@ class LiveCamera(Protocol):
         """Return the oldest image that waits, or None if none comes within `timeout` seconds."""
 
 
-@dataclass(frozen=True)
-class OpenPair:
-    """Two cameras that run.
+def with_rate(cameras: Sequence[LiveCamera]) -> tuple[Sequence[LiveCamera], float | None]:
+    """Return cameras with their rate [Hz]: the one that all have, else None."""
+    rates = [(camera.name, getattr(camera, "rate", None)) for camera in cameras]
+    return cameras, None if any(rate is None for _, rate in rates) else shared_rate(rates)
 
-    Attributes
+
+def shared_rate(rates: Sequence[tuple[str, float | None]]) -> float | None:
+    """Return the rate that cameras or recordings have [Hz]; None if that of none is known.
+
+    Parameters
     ----------
-    left, right : LiveCamera
-        The cameras.
-    rate : float or None, Hz
-        Frames a second; None if unknown.
+    rates : sequence of tuple of str and float or None, Hz
+        What each is called, and its rate, if it is known.
+
+    Raises
+    ------
+    CaptureError
+        If their rates differ by more than a hundredth.
     """
+    known = [rate for _, rate in rates if rate is not None]
+    if known and max(known) - min(known) > _SAME_RATE * max(known):
+        listed = ", ".join(f"{name} {rate:.4g} Hz" for name, rate in rates if rate is not None)
+        raise CaptureError(f"images come at different rates: {listed}; give each the right one by ?rate=...")
+    return known[0] if known else None
 
-    left: LiveCamera
-    right: LiveCamera
-    rate: float | None
+
+Opener = Callable[[ExitStack], tuple[Sequence[LiveCamera], float | None]]
+"""Opens and starts all cameras; the stack closes them. Their rate [Hz], if it is known."""
 
 
-class LivePairs:
-    """The frame source of two cameras.
+class LiveCameras:
+    """Cameras that run while they are entered.
 
     Parameters
     ----------
     name : str
         For messages.
-    open_pair : callable
-        Opens and starts both cameras; the stack closes them.
+    opener : callable
+        Opens and starts them.
     options : CameraOptions
-        Order, time-out, allowed skew, number of pairs.
+        Order, time-out, allowed skew, number of moments.
+
+    Attributes
+    ----------
+    running : list of LiveCamera
+        The cameras that run.
+    rate : float or None, Hz
+        Moments a second; known while the cameras run.
+    worst_skew : float, s
+        How far apart images of one moment were at most.
     """
 
-    def __init__(self, name: str, open_pair: Callable[[ExitStack], OpenPair], options: CameraOptions) -> None:
-        self.name = name
+    def __init__(self, name: str, opener: Opener, options: CameraOptions) -> None:
+        self.name, self.opener, self.options = name, opener, options
         self.n_frames = options.frames or None
+        self.rate: float | None = options.rate or None
         self.worst_skew = 0.0
-        self._open_pair = open_pair
-        self._options = options
-        self._stack = ExitStack()
-        self._pair: OpenPair | None = None
-        self._counter = PairCounter(None)
+        self._stack, self.running = ExitStack(), list[LiveCamera]()
+
+    def __enter__(self) -> Self:
+        """Open and start all cameras."""
+        with ExitStack() as stack:
+            cameras, self.rate = self.opener(stack)
+            self._begin(cameras)
+            self._stack = stack.pop_all()
+        self.running = list(cameras)
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        """Stop all cameras and let go of them."""
+        self.running = []
+        self._stack.close()
+
+    def _begin(self, cameras: Sequence[LiveCamera]) -> None:
+        """Check cameras that were just opened."""
+
+    @property
+    def _allowed(self) -> float:
+        """How far apart images of one moment may be [s]."""
+        return self.options.skew * _MILLISECONDS
+
+    @property
+    def _same_moment(self) -> float:
+        """Images that are less apart [s] are of one moment."""
+        return max(0.5 / self.rate if self.rate else 0.0, self._allowed)
+
+
+class LivePairs(LiveCameras):
+    """The frame source of two cameras; see `LiveCameras`."""
+
+    _counter = PairCounter(None)
 
     @property
     def size(self) -> tuple[int, int]:
         """Width and height [px]; known while the cameras are open."""
-        return self._opened.left.size
-
-    @property
-    def rate(self) -> float | None:
-        """Pairs a second [Hz]; known while the cameras are open."""
-        return self._opened.rate
+        if not self.running:
+            raise CaptureError(f"{self.name} is not open; use it in a with block")
+        return self.running[0].size
 
     @property
     def n_dropped(self) -> int:
         """Pairs lost so far."""
         return self._counter.n_dropped
 
-    def __enter__(self) -> Self:
-        """Open and start both cameras."""
-        with ExitStack() as stack:
-            pair = self._open_pair(stack)
-            check_same_size(pair.left.size, pair.right.size, (pair.left.name, pair.right.name))
-            self._stack = stack.pop_all()
-        self._pair = pair
-        self._counter = PairCounter(pair.rate)
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        """Stop both cameras and let go of them."""
-        self._pair = None
-        self._stack.close()
+    def _begin(self, cameras: Sequence[LiveCamera]) -> None:
+        left, right = cameras
+        check_same_size(left.size, right.size, (left.name, right.name))
+        self._counter = PairCounter(self.rate)
 
     def __iter__(self) -> Iterator[FramePair]:
         """Deliver pairs until the source is closed, or as many as were asked for.
@@ -206,43 +246,35 @@ class LivePairs:
             If a camera is unplugged or falls silent, or the images of a pair are further apart than allowed.
         """
         n_delivered = 0
-        while self._pair is not None and (self.n_frames is None or n_delivered < self.n_frames):
-            yield self._counter.pair(*self._next(self._pair))
+        while self.running and (self.n_frames is None or n_delivered < self.n_frames):
+            yield self._counter.pair(*self._next(*self.running))
             n_delivered += 1
 
-    @property
-    def _opened(self) -> OpenPair:
-        if self._pair is None:
-            raise CaptureError(f"{self.name} is not open; use it in a with block")
-        return self._pair
-
-    def _next(self, pair: OpenPair) -> tuple[Shot, Shot]:
-        take = self._newest if self._options.order == "newest" else self._following
-        left, right = take(pair.left), take(pair.right)
-        allowed = self._options.skew * _MILLISECONDS
-        same_frame = max(0.5 / pair.rate if pair.rate else 0.0, allowed)
+    def _next(self, left: LiveCamera, right: LiveCamera) -> tuple[Shot, Shot]:
+        take = self._newest if self.options.order == "newest" else self._following
+        first, second = take(left), take(right)
         for _ in range(_TRIES):
-            if abs(left.time - right.time) < same_frame:
+            if abs(first.time - second.time) < self._same_moment:
                 break
-            if left.time < right.time:
-                left = self._following(pair.left)
+            if first.time < second.time:
+                first = self._following(left)
             else:
-                right = self._following(pair.right)
-        skew = abs(left.time - right.time)
-        if skew > allowed:
+                second = self._following(right)
+        skew = abs(first.time - second.time)
+        if skew > self._allowed:
             raise CaptureError(
-                f"the images of {pair.left.name} and {pair.right.name} are {skew / _MILLISECONDS:.3g} ms apart, and "
-                f"{self._options.skew:g} ms are allowed: give both cameras one bus or one trigger, or allow more by "
+                f"the images of {left.name} and {right.name} are {skew / _MILLISECONDS:.3g} ms apart, and "
+                f"{self.options.skew:g} ms are allowed: give both cameras one bus or one trigger, or allow more by "
                 "?skew=..."
             )
         self.worst_skew = max(self.worst_skew, skew)
-        return left, right
+        return first, second
 
     def _following(self, camera: LiveCamera) -> Shot:
-        shot = camera.take(self._options.timeout)
+        shot = camera.take(self.options.timeout)
         if shot is None:
             raise CaptureError(
-                f"{camera.name} has sent no image for {self._options.timeout:g} s; check its cable and its trigger"
+                f"{camera.name} has sent no image for {self.options.timeout:g} s; check its cable and its trigger"
             )
         return shot
 

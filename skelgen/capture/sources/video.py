@@ -1,6 +1,6 @@
 """Videos: pairs from two files that were recorded together, and a reference video beside a recording, in any order."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, Self
@@ -18,7 +18,43 @@ _SAME_RATE = 0.001  # part by which the rates of two files may differ: container
 _COUNT_SLACK = 1  # frames: some containers know their number of frames only from the duration
 
 
-class VideoPairs:
+class OpenVideos:
+    """Video files that are read together, frame by frame; a context manager that opens them from their beginnings.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        The files.
+    options : VideoOptions
+        Rate and number of frames.
+    """
+
+    def __init__(self, paths: Sequence[Path], options: VideoOptions) -> None:
+        self._paths, self._limit, self._stack = tuple(paths), options.frames, ExitStack()
+        self._videos: list[Any] = []
+        self.rate: float | None = options.rate or None
+
+    def __enter__(self) -> Self:
+        self._videos = open_videos(self._paths, self._stack)
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self._videos = []
+        self._stack.close()
+
+    def _facts(self, name: str) -> list[float]:
+        """What each open file says of itself, by the name of OpenCV's property."""
+        return [float(video.get(getattr(opencv(), f"CAP_PROP_{name}"))) for video in self._videos]
+
+    def _frames(self) -> Iterator[tuple[int, float, tuple[Image | None, ...]]]:
+        """Number, time [s] and images of one frame after the other, None of files that have ended."""
+        index = 0
+        while not self._limit or index < self._limit:
+            yield index, index / self.rate if self.rate else float(index), tuple(map(next_image, self._videos))
+            index += 1
+
+
+class VideoPairs(OpenVideos):
     """A frame source of two video files, frame by frame.
 
     Parameters
@@ -37,19 +73,14 @@ class VideoPairs:
     """
 
     def __init__(self, left: Path, right: Path, options: VideoOptions) -> None:
-        self.name = f"{left.name} and {right.name}"
-        self.n_dropped = 0
-        self._paths = (left, right)
-        self._limit = options.frames
-        self._videos: list[Any] = []
-        self._stack = ExitStack()
+        super().__init__((left, right), options)
+        self.name, self.n_dropped = f"{left.name} and {right.name}", 0
         with self:
-            cv2 = opencv()
-            width, height, count = cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT, cv2.CAP_PROP_FRAME_COUNT
-            sizes = [(int(video.get(width)), int(video.get(height))) for video in self._videos]
+            widths, heights, counts = (map(int, self._facts(f"FRAME_{name}")) for name in ("WIDTH", "HEIGHT", "COUNT"))
+            sizes = list(zip(widths, heights, strict=True))
             self.size = check_same_size(sizes[0], sizes[1], (str(left), str(right)))
-            self._counts = [int(video.get(count)) for video in self._videos]
-            self.rate = options.rate or self._common_rate()
+            self._counts = list(counts)
+            self.rate = self.rate or self._common_rate()
 
     @property
     def n_frames(self) -> int | None:
@@ -60,27 +91,13 @@ class VideoPairs:
             return promised
         return self._limit if promised is None else min(promised, self._limit)
 
-    def __enter__(self) -> Self:
-        """Open both files from their beginnings."""
-        self._videos = open_videos(self._paths, self._stack)
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        """Close both files."""
-        self._videos = []
-        self._stack.close()
-
     def __iter__(self) -> Iterator[FramePair]:
         """Read frame by frame; a file that ends before the other is an error, after all pairs were delivered."""
-        index = 0
-        while not self._limit or index < self._limit:
-            images = [next_image(video) for video in self._videos]
-            left, right = images
+        for index, time, (left, right) in self._frames():
             if left is None or right is None:
                 self._check_end(index, left is None, right is None)
                 return
-            yield FramePair(left, right, index / self.rate if self.rate else float(index), index)
-            index += 1
+            yield FramePair(left, right, time, index)
 
     def _check_end(self, n_read: int, left_ended: bool, right_ended: bool) -> None:
         for ended, other, path in zip((left_ended, right_ended), (right_ended, left_ended), self._paths, strict=True):
@@ -97,8 +114,7 @@ class VideoPairs:
             )
 
     def _common_rate(self) -> float | None:
-        cv2 = opencv()
-        left, right = (float(video.get(cv2.CAP_PROP_FPS)) for video in self._videos)
+        left, right = self._facts("FPS")
         if abs(left - right) > _SAME_RATE * max(left, right):
             raise CaptureError(
                 f"{self._paths[0]} has {left:g} and {self._paths[1]} {right:g} frames a second; "

@@ -31,8 +31,8 @@ import numpy as np
 from skelgen._kernels import contiguous
 from skelgen._kernels.ball_joint import SPHERE_RIDGE, fixed_point_sums, move_to_centre
 from skelgen._kernels.joint_models import UNIVERSAL_RIDGE, alternated
-from skelgen.geometry.rotations import nearest_rotation
-from skelgen.kinematics.joints.rotations import ConstrainedRotation, frame_along
+from skelgen.geometry.rotations import frame_along, nearest_rotation
+from skelgen.kinematics.joints.rotations import ConstrainedRotation
 from skelgen.model.arrays import Floats, Ints
 
 MIN_FRAMES = 3

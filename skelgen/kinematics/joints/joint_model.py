@@ -22,7 +22,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skelgen.geometry.rotations import cross_matrix
+from skelgen.geometry.rotations import cross_matrix, frame_along
 from skelgen.kinematics.chain.schur_complement import (
     BorderedSolution,
     LinearisedProblem,
@@ -31,7 +31,7 @@ from skelgen.kinematics.chain.schur_complement import (
     gauss_newton,
 )
 from skelgen.kinematics.joints.relative_poses import RelativePoses, whitener
-from skelgen.kinematics.joints.rotations import ConstrainedRotation, JointRotation, frame_along
+from skelgen.kinematics.joints.rotations import ConstrainedRotation, JointRotation
 from skelgen.model.arrays import Floats
 
 STEP = 1e-5

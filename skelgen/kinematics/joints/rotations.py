@@ -215,12 +215,5 @@ def axis_covariance(rotation: JointRotation, covariance: Floats) -> Floats:
     return np.asarray(moves @ covariance[:4, :4] @ moves.T)
 
 
-def frame_along(axis: Floats) -> Floats:
-    """Return a rotation whose last column is a unit axis, shape (3, 3); the other two are any."""
-    first = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
-    first /= np.linalg.norm(first)
-    return np.stack([first, np.cross(axis, first), axis], axis=1)
-
-
 def _tilted(frame: Floats, tilt: Floats) -> Floats:
     return np.asarray(frame @ matrix_from_vector(np.array([tilt[0], tilt[1], 0.0])))

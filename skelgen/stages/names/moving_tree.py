@@ -9,6 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from skelgen.geometry.rotations import moved_points
 from skelgen.kinematics.chain.chain import ObservedChain
 from skelgen.model import Motion, Skeleton
 from skelgen.model.arrays import Floats, spread_frames
@@ -156,7 +157,8 @@ def moving_trees(skeleton: Skeleton, motion: Motion) -> list[MovingTree]:
     trees = []
     for root in skeleton.roots.tolist():
         limbs = tuple(np.flatnonzero(tree_of == root).tolist())
-        markers = {limb: _placed(poses[:, limb], skeleton.marker_offsets[skeleton.markers_of(limb)]) for limb in limbs}
+        offsets = {limb: skeleton.marker_offsets[skeleton.markers_of(limb)] for limb in limbs}
+        markers = {limb: moved_points(poses[:, limb], own) for limb, own in offsets.items()}
         joints = {}
         for index, joint in enumerate(skeleton.joints):
             if tree_of[joint.child] == root:
@@ -187,11 +189,6 @@ def tree_of_chain(fit: ObservedChain) -> MovingTree | None:
     if not all(one.shape[1] for one in markers.values()):
         return None
     return MovingTree(limbs, joints, some.poses.rotations, markers, 1.0)
-
-
-def _placed(poses: Floats, offsets: Floats) -> Floats:
-    """Points of a limb in the world, shape (n_frames, n_points, 3)."""
-    return np.asarray(np.einsum("fij,pj->fpi", poses[:, :3, :3], offsets) + poses[:, np.newaxis, :3, 3])
 
 
 def together(trees: Sequence[MovingTree]) -> MovingTree:

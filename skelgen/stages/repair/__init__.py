@@ -1,23 +1,6 @@
 """Errors of labels that a take came with: exchanged and moved labels are given back, slipped markers are split."""
 
-from skelgen.stages.repair.moves import Move, find_moves, undo_moves
-from skelgen.stages.repair.repair import Repair, RepairParameters, repair_take
-from skelgen.stages.repair.slips import Slip, find_slips, split_slipped
-from skelgen.stages.repair.swaps import Swap, exchanged_back, find_swaps, indistinguishable_pairs, repair_swaps
+from skelgen.stages.repair.repair import RepairParameters, repair_take
+from skelgen.stages.repair.swaps import exchanged_back
 
-__all__ = [
-    "Move",
-    "Repair",
-    "RepairParameters",
-    "Slip",
-    "Swap",
-    "exchanged_back",
-    "find_moves",
-    "find_slips",
-    "find_swaps",
-    "indistinguishable_pairs",
-    "repair_swaps",
-    "repair_take",
-    "split_slipped",
-    "undo_moves",
-]
+__all__ = ["RepairParameters", "exchanged_back", "repair_take"]

@@ -18,7 +18,7 @@ import numpy as np
 from scipy.stats import ttest_ind
 
 from skelgen.geometry.orientation import fit_transform, rotation_by_svd
-from skelgen.geometry.rotations import vector_from_matrix
+from skelgen.geometry.rotations import moved_points, vector_from_matrix
 from skelgen.kinematics.rigid_bodies import determines_pose
 from skelgen.model import Joint, Skeleton
 from skelgen.model.arrays import Floats
@@ -115,10 +115,13 @@ def _is_wider(skeleton: Skeleton, index: int, known: list[Floats], after: Floats
 def _log_gaps(skeleton: Skeleton, joint: Joint, positions: Floats) -> Floats:
     """Logarithms of the gap's root mean square in each span."""
     first, second = (_limb_poses(skeleton, limb, positions) for limb in (joint.parent, joint.child))
-    ends = first[:, :3, :3] @ joint.position_in_parent + first[:, :3, 3]
-    others = second[:, :3, :3] @ joint.position_in_child + second[:, :3, 3]
-    gaps = np.linalg.norm(ends - others, axis=1)
+    gaps = np.linalg.norm(_moved(first, joint.position_in_parent) - _moved(second, joint.position_in_child), axis=1)
     return log_root_mean_squares(gaps, ~np.isnan(gaps))
+
+
+def _moved(poses: Floats, place: Floats) -> Floats:
+    """A place of a limb in the world, shape (n_frames, 3)."""
+    return moved_points(poses, place[np.newaxis])[:, 0]
 
 
 def _limb_poses(skeleton: Skeleton, limb: int, positions: Floats) -> Floats:
@@ -165,13 +168,12 @@ def _with_sensor_placed(skeleton: Skeleton, limb: int, positions: Floats) -> Ske
         # How far a joint is in a limb's frame from its calibrated place [mm]; in the other limb it may differ as well
         both = ~np.isnan(own[:, 0, 0]) & ~np.isnan(other[:, 0, 0])
         rows = np.concatenate([own[both, :3, :3], -other[both, :3, :3]], axis=2).reshape(-1, 6)
-        apart = other[both, :3, :3] @ there + other[both, :3, 3] - own[both, :3, :3] @ here - own[both, :3, 3]
+        apart = _moved(other[both], there) - _moved(own[both], here)
         found.append(here + np.linalg.lstsq(rows, apart.ravel(), rcond=LEAST_ROTATION)[0][:3])
     anchors = skeleton.marker_offsets[markers]
     now_from_limb = _weighted_fit(np.vstack([places, anchors]), np.vstack([found, anchors]), len(places))
-    limb_from_now = np.linalg.inv(now_from_limb)
     offsets = skeleton.marker_offsets.copy()
-    offsets[markers] = anchors @ limb_from_now[:3, :3].T + limb_from_now[:3, 3]
+    offsets[markers] = moved_points(np.asarray(np.linalg.inv(now_from_limb)), anchors)
     return replace(skeleton, marker_offsets=offsets)
 
 

@@ -5,17 +5,15 @@ import pytest
 
 pytest.importorskip("cv2")
 
-from skelgen.capture.calibration.bundle_adjustment import Bundle
+from skelgen.capture.calibration.bundle_adjustment import BoardBundle
 from skelgen.capture.calibration.chessboard import (
-    AUTO,
     Board,
-    adjust_lens,
     board_from_text,
     coverage,
     find_board,
-    guess_camera,
     uncovered,
 )
+from skelgen.capture.calibration.lens import AUTO, adjust_lens, guess_camera
 from skelgen.capture.reference_rig import reference_rig
 from skelgen.errors import InputError, ParameterError
 from skelgen.geometry.rotations import matrix_from_vector
@@ -46,7 +44,7 @@ def test_edges_of_a_blurred_board_are_wider_whatever_the_direction_of_the_blur(b
 def calibrated(views, board, lens=AUTO):
     corners = np.stack([view.corners for view in views])
     camera, poses = guess_camera(corners, board, (640, 480))
-    bundle = Bundle((camera,), poses, board.points, corners[np.newaxis])
+    bundle = BoardBundle((camera,), corners[:, np.newaxis], board.points, poses)
     return adjust_lens(bundle, np.ones(len(views), dtype=np.bool_), lens)
 
 

@@ -12,7 +12,7 @@ from skelgen.capture.markers.candidates import CandidateStore
 from skelgen.capture.markers.correspondences import track_pairs
 from skelgen.capture.optics import match_and_triangulate
 from skelgen.capture.reference_rig import reference_rig
-from skelgen.capture.simulated_rig import scene_of_structure
+from skelgen.capture.simulated_rig.scene import scene_of_structure
 from skelgen.geometry.rotations import matrix_from_vector
 from skelgen.model.rig import CaptureSettings
 from tests.benchmarks.unrendered import projected_balls

@@ -11,21 +11,18 @@ import pytest
 
 from skelgen.capture.detection import detect_balls
 from skelgen.capture.optics import in_image, project
-from skelgen.capture.reference_rig import reference_rig
+from skelgen.capture.reference_rig import reference_arm, reference_rig
 from skelgen.capture.simulated_rig import (
     RenderParameters,
     SimulatedRig,
     hand_held_target,
-    reference_arm,
-    render_pair,
     render_view,
     scene_of_bodies,
-    scene_of_structure,
     simulated_rig,
-    wandering_poses,
 )
-from skelgen.capture.simulated_rig.scene import joints_of, targets_of
-from skelgen.capture.simulated_rig.view import background, brightness, corner_rays, look_at
+from skelgen.capture.simulated_rig.scene import joints_of, scene_of_structure, targets_of, wandering_poses
+from skelgen.capture.simulated_rig.source import render_pair
+from skelgen.capture.simulated_rig.view import METAL_LEVEL, background, brightness, corner_rays, look_at
 from skelgen.capture.sources import open_source
 from skelgen.errors import InputError, ParameterError
 from skelgen.model.rig import BodyTarget
@@ -51,7 +48,7 @@ def test_the_light_of_a_small_ball_has_its_centre_where_the_camera_projects_it()
 
 def test_a_large_ball_lies_farther_out_by_its_perspective():
     camera, radius = replace(reference_rig().left, distortion=np.zeros(5)), 60.0
-    image, truth = render_view(camera, np.array([[300.0, 0.0, 1000.0]]), CLEAN.replace(diameter=2 * radius))
+    image, truth = render_view(camera, np.array([[300.0, 0.0, 1000.0]]), replace(CLEAN, diameter=2 * radius))
     shift = (light_centre(image) - truth.centres[0])[0]
     from_middle = truth.centres[0, 0] - camera.matrix[0, 2]
     assert shift == pytest.approx(from_middle * radius**2 / (1000.0**2 - radius**2), abs=ROUNDING)
@@ -134,7 +131,7 @@ def test_dull_metal_stands_still_in_the_world_and_stays_dull():
     rig = reference_rig()
     left, right = background(rig.left, parameters, 1), background(rig.right, parameters, 1)
     for light in (left, right):
-        assert parameters.background + 10 < light.max() < 3 * parameters.reflection_level
+        assert parameters.background + 10 < light.max() < 3 * METAL_LEVEL
     assert not np.array_equal(left, right)
 
 

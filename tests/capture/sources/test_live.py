@@ -7,9 +7,9 @@ from contextlib import ExitStack
 import numpy as np
 import pytest
 
-from skelgen.capture.sources.genicam import FrameNumber, SharedClock, common_rate, grey
+from skelgen.capture.sources.genicam import FrameNumber, SharedClock, grey
 from skelgen.capture.sources.options import CameraOptions
-from skelgen.capture.sources.pairs import LivePairs, OpenPair, Shot
+from skelgen.capture.sources.pairs import LiveCamera, LivePairs, Shot, shared_rate
 from skelgen.errors import CaptureError
 
 RATE = 50.0
@@ -40,9 +40,9 @@ def frames(*indices, late=0.0):
 
 
 def run(left, right, rate=RATE, closed=None, **options):
-    def open_pair(stack: ExitStack) -> OpenPair:
+    def open_pair(stack: ExitStack) -> tuple[list[LiveCamera], float]:
         stack.callback(lambda: closed.append(True) if closed is not None else None)
-        return OpenPair(left, right, rate)
+        return [left, right], rate
 
     return LivePairs("test", open_pair, CameraOptions(**options))
 
@@ -144,7 +144,6 @@ def test_colours_are_refused(name):
 
 
 def test_cameras_of_different_rates_are_refused():
-    assert common_rate((60.0, 60.1), ("L", "R")) == 60.0
-    assert common_rate((60.0, None), ("L", "R")) is None
-    with pytest.raises(CaptureError, match="L runs at 60 Hz and R at 25"):
-        common_rate((60.0, 25.0), ("L", "R"))
+    assert shared_rate([("L", 60.0), ("R", 60.1)]) == 60.0
+    with pytest.raises(CaptureError, match="different rates: L 60 Hz, R 25 Hz"):
+        shared_rate([("L", 60.0), ("R", 25.0)])

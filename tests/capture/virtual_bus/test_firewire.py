@@ -102,7 +102,7 @@ def test_shutter_and_gain_are_made_manual_and_set(bus):
         """
 from skelgen.capture.sources.firewire.library import GAIN, SHUTTER
 with open_source("firewire:?shutter=300&rate=30") as source:
-    camera = source._opened.right
+    camera = source.running[1]
     found["shutter"], found["gain"], found["rate"] = camera.feature(SHUTTER), camera.feature(GAIN), source.rate
 """
     )

@@ -21,7 +21,7 @@ def test_pairs_come_from_two_cameras_with_rate_and_exposure_set(network):
         """
 with open_source("gige:?rate=50&exposure=3000&gain=2&skew=100&frames=40") as source:
     found["source"] = [list(source.size), round(source.rate), source.n_frames]
-    left, right = source._opened.left, source._opened.right
+    left, right = source.running
     found["names"], found["set"] = [left.name, right.name], [right._camera.exposure_time(), right._camera.gain()]
     pairs = list(source)
 found["seconds"] = pairs[-1].time
@@ -41,7 +41,7 @@ def test_named_cameras_are_left_and_right_as_named(network):
     found = network(
         """
 with open_source("gige:127.0.0.2,127.0.0.1?skew=100") as source:
-    found["names"] = [source._opened.left.name, source._opened.right.name]
+    found["names"] = [source.running[0].name, source.running[1].name]
 """
     )
     assert found["names"] == ["camera 127.0.0.2 (Aravis Fake)", "camera 127.0.0.1 (Aravis Fake)"]

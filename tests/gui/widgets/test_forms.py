@@ -39,7 +39,9 @@ class Soup(StageParameters):
 def form(qtbot):
     form = stage_form(Soup)
     qtbot.addWidget(form)
-    form.show()
+    with qtbot.waitActive(form):
+        form.show()
+        form.activateWindow()
     return form
 
 

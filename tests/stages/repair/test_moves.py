@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from skelgen.model import Trajectories
-from skelgen.stages.repair import find_moves, repair_take, undo_moves
+from skelgen.stages.repair import repair_take
+from skelgen.stages.repair.moves import find_moves, undo_moves
 
 FIRST, LAST = 200, 349
 NAME, OTHER = "head 3", "right thigh 1"

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from skelgen._kernels.marker_steps import changes, jumps
-from skelgen.stages.repair import RepairParameters, find_slips, repair_take, split_slipped
+from skelgen.stages.repair import RepairParameters, repair_take
 from skelgen.stages.repair.slip_evidence import leaps
+from skelgen.stages.repair.slips import find_slips, split_slipped
 
 FRAME, SIZE, TOLERANCE = 320, 15.0, 2.0  # mm: lines of eight frames with 0.5 mm noise
 NAME = "head 3"

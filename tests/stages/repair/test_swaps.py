@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from skelgen.model import Limbs, Trajectories
-from skelgen.stages.repair import RepairParameters, find_swaps, indistinguishable_pairs, repair_swaps, repair_take
+from skelgen.stages.repair import RepairParameters, repair_take
+from skelgen.stages.repair.swaps import find_swaps, indistinguishable_pairs, repair_swaps
 
 FAULTS = {"noise": 0.5, "soft_tissue": 2.0, "dropouts": 0.05}
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from skelgen.capture.sources.firewire import library as dc
 from skelgen.capture.sources.firewire.camera import FireWireCamera, Modes, Setting
 from skelgen.capture.sources.options import FireWireOptions, check_two_cameras
-from skelgen.capture.sources.pairs import LivePairs, OpenPair
+from skelgen.capture.sources.pairs import LivePairs
 from skelgen.errors import CaptureError, ParameterError
 
 _EXAMPLE = "firewire:00accef000001000,00accef000001001"
@@ -39,7 +39,7 @@ def firewire_pairs(guids: tuple[str, ...], options: FireWireOptions) -> LivePair
     if options.speed not in (0, *dc.ISO_SPEEDS):
         raise ParameterError(f"speed is {options.speed}; it must be one of {', '.join(map(str, dc.ISO_SPEEDS))} Mb/s")
     name = "firewire:" + ",".join(guids)
-    return LivePairs(name, lambda stack: _open_pair(stack, numbers, options), options)
+    return LivePairs(name, lambda stack: open_firewire(stack, numbers, options), options)
 
 
 def why_no_camera(nodes: list[Path]) -> str:
@@ -83,11 +83,6 @@ def common_mode(modes: Sequence[Modes], names: Sequence[str], size: str, rate: f
         raise CaptureError(f"the cameras share no grey image size {asked}".rstrip() + f": {offers}")
     best = max(fitting, key=lambda key: key[0] * key[1])
     return best, _DEFAULT_RATE if not rate and _DEFAULT_RATE in fitting[best] else fitting[best][-1]
-
-
-def _open_pair(stack: ExitStack, guids: tuple[int, ...], options: FireWireOptions) -> OpenPair:
-    (left, right), rate = open_firewire(stack, guids, options)
-    return OpenPair(left, right, rate)
 
 
 def open_firewire(
