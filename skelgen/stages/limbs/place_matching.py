@@ -10,16 +10,16 @@ is taken on one side is likely taken on the other, and markers on one segment mo
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache, lru_cache, partial
-from pathlib import Path
 
 import numpy as np
 
 from skelgen._kernels.distance_statistics import MOTION_WEIGHT
 from skelgen.marker_sets import EVERY_PLACE, worn_markers
 from skelgen.model.arrays import Floats, Ints
+from skelgen.stages.limbs.postures import square_of_pairs
 from skelgen.stages.limbs.set_matching import Match, Rounds, in_posture, matches, misfits_in_posture
-from skelgen.stages.limbs.worn_sets import set_of_table
-from skelgen.stages.limbs.worn_shapes import Shape, WornSet, square_of_pairs
+from skelgen.stages.limbs.worn_sets import sets_of_table
+from skelgen.stages.limbs.worn_shapes import Shape, WornSet
 
 FROM_SET = Rounds((0.6, 0.7, 0.8, 0.9, 1.0, 1.0, 1.0))
 """Part of the markers by which each round judges: a search begins where that of a set has ended."""
@@ -50,8 +50,7 @@ MOTION_COUNTS = 0.75
 @cache
 def worn_places() -> WornSet:
     """Return the shape of all places at once."""
-    with np.load(Path(__file__).with_name("tables") / "worn_places.npz") as table:
-        return set_of_table(EVERY_PLACE, {key: table[key] for key in table.files})
+    return sets_of_table("worn_places.npz")[0]
 
 
 def nearest_places(shape: Shape, sets: Sequence[tuple[Match, WornSet]], by_motion: Floats) -> tuple[Match, WornSet]:
@@ -104,7 +103,8 @@ def _beginnings(shape: Shape, sets: tuple[tuple[Match, WornSet], ...]) -> tuple[
 def _places_in_postures() -> tuple[WornSet, ...]:
     """All places, in each of the postures from which searches begin: others are far from the usual distances."""
     places = worn_places()
-    means = places.mean.tables + square_of_pairs(np.tensordot(places.beginnings, places.ways, 1))
+    moved = places.ways.reshape(-1, places.ways.shape[2]) @ places.beginnings.T
+    means = places.mean.tables + square_of_pairs(moved.reshape(len(places.ways), 2, -1).T)
     return tuple(replace(places, mean=Shape(*mean)) for mean in means)
 
 
@@ -126,9 +126,19 @@ def _led_on(shape: Shape, ends: Sequence[tuple[Match, float]]) -> tuple[Match, f
 def _beside_misfits(by_motion: Floats, markers: Ints, taken: Ints) -> Floats:
     """What each place costs for each marker beside its misfit, shape (n_markers, n_places)."""
     places, others = worn_places(), max(len(taken) - 1, 1)
-    alike = places.segments[taken, np.newaxis] == places.segments
-    costs = _wide()[:, taken].sum(axis=1) / others - 2.0 * MOTION_COUNTS * by_motion[:, markers] @ alike / others
-    return np.asarray(costs + ONE_SIDED * ~np.isin(mirror_images(), taken))
+    costs = _wide()[taken].sum(axis=0) / others + ONE_SIDED
+    costs[mirror_images()[taken]] -= ONE_SIDED
+    if not by_motion.any():
+        return np.broadcast_to(costs, (len(by_motion), len(costs)))
+    on_segments = by_motion[:, markers] @ _is_on_segment()[taken]
+    return np.asarray(costs - (2.0 * MOTION_COUNTS / others * on_segments)[:, places.segments])
+
+
+@cache
+def _is_on_segment() -> Floats:
+    """One for each place on its segment, else zero, shape (n_places, n_segments)."""
+    segments = worn_places().segments
+    return np.eye(segments.max() + 1)[segments]
 
 
 def costs_of_places(shape: Shape, match: Match, by_motion: Floats) -> Floats:

@@ -37,7 +37,7 @@ from skelgen.stages.limbs.worn_sets import (
     readings,
     worn_sets,
 )
-from skelgen.stages.limbs.worn_shapes import OUTLINE, Shape, shape_of
+from skelgen.stages.limbs.worn_shapes import OUTLINE, OUTLINE_SPREAD, Shape, shape_of
 
 
 def test_a_set_that_is_worn_tells_which_markers_share_a_limb() -> None:
@@ -225,8 +225,9 @@ def test_outlines_are_quantiles_of_what_is_known() -> None:
     shape = shape_of(positions)
     seen = np.delete(np.arange(7), 2)
     expected = np.nanquantile(shape.distances[seen], OUTLINE, axis=1).T
-    np.testing.assert_allclose(shape.outlines[0][seen], expected, atol=1e-12)
-    assert not shape.outlines[0][2].any()
+    weight = 1.0 / (OUTLINE_SPREAD[0] * np.sqrt(len(OUTLINE)))
+    np.testing.assert_allclose(shape.outlines[seen, : len(OUTLINE)], weight * expected, atol=1e-5)
+    assert not shape.outlines[2].any()
 
 
 def test_single_places_are_believed_where_both_markers_fit() -> None:
