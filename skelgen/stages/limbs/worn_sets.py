@@ -81,9 +81,11 @@ BORNE_OUT, NOT_BORNE_OUT = 0.9, 0.8
 
 SIDES = ("left", "right")
 
+ARM, LEG = ("upper arm", "forearm", "hand"), ("thigh", "shank", "foot", "toes")
+
 HALVES = {
-    "lower": ("pelvis", *(f"{side} {name}" for side in SIDES for name in ("thigh", "shank", "foot", "toes"))),
-    "upper": ("chest", "head", *(f"{side} {name}" for side in SIDES for name in ("upper arm", "forearm", "hand"))),
+    "lower": ("pelvis", *(f"{side} {name}" for side in SIDES for name in LEG)),
+    "upper": ("chest", "head", *(f"{side} {name}" for side in SIDES for name in ARM)),
 }
 """Segments of half a person."""
 
