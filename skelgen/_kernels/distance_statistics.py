@@ -1,7 +1,7 @@
 """Distances between each two markers: their sums over frames, and how far they are off those of a marker set.
 
 The sums are with and without the distances that are far. A marker set is one that people wear, and each marker is
-compared as each of the set.
+compared as each of the set: in single precision, as what is learned of sets is good for three digits.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numpy as np
 
 from skelgen._kernels import kernel, kernel_part
 from skelgen._kernels.small_matrices import dot, minus, vector
-from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.model.arrays import Bools, Floats, Ints, Singles
 
 FAR = 3.0
 """Standard deviations beyond which a distance is far from the others."""
@@ -167,49 +167,94 @@ MOTION_WEIGHT = 0.5
 """How much the deviation of a distance counts beside the distance."""
 
 
-def misfits_to_set(take: Floats, mean: Floats, spread: Floats, markers: Ints, of_set: Ints) -> Floats:
+def misfits_to_set(take: Singles, mean: Singles, precision: Singles, markers: Ints, of_set: Ints) -> Singles:
     """Return the mean square of how far distances are off if a marker is one of a set, shape (n_markers, n_of_set).
 
     Parameters
     ----------
-    take : ndarray, shape (2, n_markers, n_markers)
+    take : ndarray of float32, shape (2, n_markers, n_markers)
         Logarithms of distances and of how much they vary; NaN where unknown.
-    mean, spread : ndarray, shape (2, n_of_set, n_of_set)
-        The same of the set, and their standard deviations.
+    mean, precision : ndarray of float32, shape (2, n_of_set, n_of_set)
+        The same of the set, and how much their squares count, see `precision_of`.
     markers, of_set : ndarray of intp, shape (n_matched,)
         Markers to which distances are compared, and what they are taken for.
     """
-    total = np.zeros((take.shape[1], mean.shape[1]))
-    _add_squares(take, mean, spread, markers, of_set, total)
-    return total / max(len(markers) - 1, 1)
+    total = np.zeros((take.shape[1], mean.shape[1]), dtype=np.float32)
+    _add_squares(take, mean, precision, markers, of_set, total)
+    total /= max(len(markers) - 1, 1)
+    return total
+
+
+def own_misfits(take: Singles, mean: Singles, precision: Singles, markers: Ints, of_set: Ints) -> Floats:
+    """Return the mean square of how far the distances of each matched marker to the others are off, shape (n_matched,).
+
+    Parameters
+    ----------
+    take, mean, precision, markers, of_set
+        As for `misfits_to_set`.
+    """
+    total = np.zeros(len(markers))
+    _add_own_squares(take, mean, precision, markers, of_set, total)
+    total /= max(len(markers) - 1, 1)
+    return total
+
+
+def precision_of(spread: Floats | Singles) -> Singles:
+    """Return how much squares of what is off count: inverse variances, with the weight of motions.
+
+    Parameters
+    ----------
+    spread : ndarray, shape (2, ...)
+        Standard deviations of distances and of how much they vary.
+    """
+    precision = (spread**-2.0).astype(np.float32)
+    precision[1] *= MOTION_WEIGHT
+    return precision
 
 
 @kernel
-def _add_squares(take: Floats, mean: Floats, spread: Floats, markers: Ints, of_set: Ints, total: Floats) -> None:
+def _add_squares(take: Singles, mean: Singles, precision: Singles, markers: Ints, of_set: Ints, total: Singles) -> None:
     """Add how far the distances to each matched marker are off."""
+    largest, unknown = np.float32(LARGEST), np.float32(UNKNOWN)
     for pair in range(len(markers)):
         marker, place = markers[pair], of_set[pair]
         for other in range(len(total)):
             if other == marker:  # a marker says nothing of where it is itself
                 continue
             away, varies, before = take[0, marker, other], take[1, marker, other], total[other, place]
-            for one in range(total.shape[1]):
-                off = (away - mean[0, place, one]) / spread[0, place, one]
-                moves = (varies - mean[1, place, one]) / spread[1, place, one]
-                square = off * off + MOTION_WEIGHT * moves * moves
-                if math.isnan(square):
-                    square = UNKNOWN
-                total[other, one] += min(square, LARGEST)
-            total[other, place] = before + LARGEST  # where another marker is it is not
+            if math.isnan(away):
+                for one in range(total.shape[1]):
+                    total[other, one] += unknown
+            else:
+                for one in range(total.shape[1]):
+                    off, moves = away - mean[0, place, one], varies - mean[1, place, one]
+                    square = off * off * precision[0, place, one] + moves * moves * precision[1, place, one]
+                    total[other, one] += square if square < largest else largest
+            total[other, place] = before + largest  # where another marker is it is not
 
 
 @kernel
-def move_to_posture(ways: Floats, posture: Floats, of_set: Ints, known: Bools, mean: Floats) -> None:
+def _add_own_squares(
+    take: Singles, mean: Singles, precision: Singles, markers: Ints, of_set: Ints, total: Floats
+) -> None:
+    """Add how far the distances of the matched markers are off."""
+    for pair in range(len(markers)):
+        marker, place = markers[pair], of_set[pair]
+        for other in range(len(markers)):
+            if other != pair:
+                one, away = of_set[other], take[0, marker, markers[other]]
+                off, moves = away - mean[0, place, one], take[1, marker, markers[other]] - mean[1, place, one]
+                square = off * off * precision[0, place, one] + moves * moves * precision[1, place, one]
+                total[pair] += UNKNOWN if math.isnan(square) else min(square, LARGEST)
+
+
+@kernel
+def move_to_posture(ways: Singles, posture: Floats, of_set: Ints, known: Bools, mean: Singles) -> None:
     """Move the usual distances of some markers of a set to all others to a posture, where that was not done before.
 
     Parameters
     ----------
-    ways : ndarray, shape (n_of_set, n_ways, 2, n_of_set)
+    ways : ndarray of float32, shape (n_of_set, 2, n_ways, n_of_set)
         By how much distances of each marker and how much they vary differ in each way.
     posture : ndarray, shape (n_ways + 1,)
         How far the posture is off in each way, and the logarithm of the size.
@@ -217,31 +262,17 @@ def move_to_posture(ways: Floats, posture: Floats, of_set: Ints, known: Bools, m
         Which markers.
     known : ndarray of bool, shape (n_of_set,)
         Where it was done; is set.
-    mean : ndarray, shape (2, n_of_set, n_of_set)
+    mean : ndarray of float32, shape (2, n_of_set, n_of_set)
         Logarithms of the usual distances and of how much they vary; moved row by row.
     """
-    n_ways = ways.shape[1]
+    n_ways = ways.shape[2]
     for place in of_set:
         if not known[place]:
             known[place] = True
             for other in range(len(known)):
-                mean[0, place, other] += posture[n_ways]
-            for way in range(n_ways):
-                for half in range(2):
+                mean[0, place, other] += np.float32(posture[n_ways])
+            for half in range(2):
+                for way in range(n_ways):
+                    size = np.float32(posture[way])
                     for other in range(len(known)):
-                        mean[half, place, other] += posture[way] * ways[place, way, half, other]
-
-
-def ways_of_pairs(ways: Floats, pairs: Ints) -> Floats:
-    """Return what postures and the size do to the distances of pairs, shape (2, n_pairs, n_ways + 1).
-
-    Parameters
-    ----------
-    ways : ndarray, shape (n_of_set, n_ways, 2, n_of_set)
-        As for `move_to_posture`.
-    pairs : ndarray of intp, shape (2, n_pairs)
-        Markers of the set.
-    """
-    moved = ways[pairs[0], :, :, pairs[1]]
-    size = np.broadcast_to([1.0, 0.0], (len(moved), 1, 2))  # a larger body moves alike
-    return np.moveaxis(np.concatenate([moved, size], axis=1), 2, 0)
+                        mean[half, place, other] += size * ways[place, half, way, other]

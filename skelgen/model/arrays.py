@@ -11,6 +11,7 @@ from skelgen.progress import counted
 
 _Number = TypeVar("_Number", bound=np.generic)
 Floats = NDArray[np.float64]
+Singles = NDArray[np.float32]
 Ints = NDArray[np.signedinteger[Any]]
 Bools = NDArray[np.bool_]
 

@@ -40,23 +40,25 @@ STUCK, MOVED = 0.12, 0.5  # least standard deviations of both logarithms
 def main() -> None:
     """Write both tables."""
     tables = Path(module.__file__).with_name("tables")
-    np.savez_compressed(tables / "worn_sets.npz", **sets())
-    np.savez_compressed(tables / "worn_places.npz", **places())
+    sets = [learned(marker_set, *people_in(marker_set)) for marker_set in sorted((*MARKER_SETS, *LABORATORY_SETS))]
+    np.savez(tables / "worn_sets.npz", **table_of(sets))
+    np.savez(tables / "worn_places.npz", **table_of([places()]))
 
 
-def sets() -> dict[str, np.ndarray]:
-    """What is learned of all sets, and which of their markers are on half a body, where these are enough."""
-    table = {}
-    for marker_set in (*MARKER_SETS, *LABORATORY_SETS):
-        table |= learned(marker_set, *people_in(marker_set))
-        segments = table[f"{marker_set}/segments"]
-        names = np.array(person(marker_set, 0.0, np.random.default_rng(0)).worn.limb_names)[segments]
-        for half, of_half in module.HALVES.items():
-            taken = np.flatnonzero(np.isin(names, of_half))
-            if module.LEAST_OF_HALF <= len(taken) < len(segments):
-                table[f"{marker_set}/{half}"] = taken.astype(np.uint8)
-        print(marker_set, len(segments), flush=True)
-    return table
+def table_of(sets: list[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
+    """What is learned of all sets, one after the other: a file of few arrays, not packed, is read at once."""
+    return {key: np.concatenate([one[key] for one in sets], axis=2 * (key == "usual")) for key in sets[0]}
+
+
+def halves_of(marker_set: str, segments: np.ndarray) -> np.ndarray:
+    """Which half of a body each marker is on, the number of one of `HALVES` from 1 on; 0 where these are too few."""
+    names = np.array(person(marker_set, 0.0, np.random.default_rng(0)).worn.limb_names)[segments]
+    halves = np.zeros(len(segments), dtype=np.uint8)
+    for number, of_half in enumerate(module.HALVES.values(), start=1):
+        taken = np.isin(names, of_half)
+        if module.LEAST_OF_HALF <= taken.sum() < len(segments):
+            halves[taken] = number
+    return halves
 
 
 def places() -> dict[str, np.ndarray]:
@@ -65,7 +67,8 @@ def places() -> dict[str, np.ndarray]:
     names = person(EVERY_PLACE, 0.0, np.random.default_rng(0)).worn.marker_names
     mirrored = np.array([names.index(other.get(name[:2], name[:2]) + name[2:]) for name in names])
     both = (np.concatenate([people, people[:, :, mirrored][..., mirrored]]) for people in people_in(EVERY_PLACE))
-    return learned(EVERY_PLACE, *both, N_BEGINNINGS)
+    table = learned(EVERY_PLACE, *both, N_BEGINNINGS)
+    return table | {"halves": np.zeros(len(names), dtype=np.uint8)}
 
 
 def people_in(marker_set: str) -> tuple[Floats, Floats]:
@@ -89,15 +92,22 @@ def learned(marker_set: str, free: Floats, held: Floats, n_beginnings: int = 0) 
     ways = (sizes[:N_WAYS, np.newaxis] / np.sqrt(len(pairs)) * ways[:N_WAYS]).reshape(N_WAYS, *mean.shape) * weight
     varying = pairs[: len(free)].var(axis=0), (rest**2).mean(axis=0)
     spread, left = (np.sqrt(variance + least**2) for variance in varying)
-    arrays = [*zip(module.LEARNED, (mean, spread, ways, left), strict=True)]
-    someone = person(marker_set, 0.0, np.random.default_rng(0)).worn
+    someone, beginnings = person(marker_set, 0.0, np.random.default_rng(0)).worn, np.zeros((0, N_WAYS))
     if n_beginnings:
         usual = KMeans(n_beginnings, n_init=3, random_state=0).fit(np.sqrt(len(pairs)) * scores[:, :N_WAYS])
-        arrays.append(("beginnings", usual.cluster_centers_))
-    table = {f"{marker_set}/{name}": values.astype(np.float16) for name, values in arrays}
-    table[f"{marker_set}/markers"] = np.array(someone.marker_names)
-    table[f"{marker_set}/segments"] = someone.limb_of_marker.astype(np.uint8)
-    return table
+        beginnings = usual.cluster_centers_
+    segments = someone.limb_of_marker.astype(np.uint8)
+    print(marker_set, len(segments), flush=True)
+    return {
+        "names": np.array([marker_set]),
+        "n_markers": np.array([len(segments)], dtype=np.uint8),
+        "markers": np.array(someone.marker_names),
+        "segments": segments,
+        "halves": halves_of(marker_set, segments),
+        "usual": np.stack([mean, spread, left]).astype(np.float16),
+        "ways": ways.transpose(2, 1, 0).astype(np.float16),
+        "beginnings": beginnings.astype(np.float16),
+    }
 
 
 def _person(marker_set: str, number: int) -> Shape:

@@ -9,8 +9,11 @@ from skelgen._kernels.distance_statistics import (
     UNKNOWN,
     misfits_to_set,
     move_to_posture,
-    ways_of_pairs,
+    own_misfits,
+    precision_of,
 )
+
+SINGLE = 1e-5  # relative: single precision
 
 
 @pytest.mark.parametrize(
@@ -27,24 +30,27 @@ def test_distances_are_compared_as_defined(markers, of_set):
         one[:, place] = LARGEST
         one[marker] = 0.0
         expected += one
-    found = misfits_to_set(take, mean, spread, np.array(markers), np.array(of_set))
-    np.testing.assert_allclose(found, expected / max(len(markers) - 1, 1), rtol=1e-12)
+    single = (values.astype(np.float32) for values in (take, mean, precision_of(spread)))
+    found = misfits_to_set(*single, np.array(markers), np.array(of_set))
+    np.testing.assert_allclose(found, expected / max(len(markers) - 1, 1), rtol=SINGLE)
+
+
+def test_markers_fit_their_own_places_as_all_places():
+    rng, markers, of_set = np.random.default_rng(1), np.array([5, 0, 2, 4]), np.array([5, 0, 2, 7])
+    take, mean, spread = (values + values.swapaxes(1, 2) for values in rng.uniform(0.2, 2.0, (3, 2, 8, 8)))
+    take[:, 0, 5] = take[:, 5, 0] = np.nan
+    take, mean, precision = take.astype(np.float32), mean.astype(np.float32), precision_of(spread)
+    to_all = misfits_to_set(take, mean, precision, markers, of_set)[markers, of_set]
+    np.testing.assert_allclose(own_misfits(take, mean, precision, markers, of_set), to_all, rtol=SINGLE)
 
 
 def test_distances_are_moved_to_a_posture_once_for_each_marker():
     rng = np.random.default_rng(0)
-    ways, posture, mean = rng.normal(size=(5, 3, 2, 5)), rng.normal(size=4), rng.normal(size=(2, 5, 5))
-    expected, moved, known = mean.copy(), mean.copy(), np.zeros(5, dtype=bool)
-    expected[:, [1, 4]] += np.einsum("w,pwho->hpo", posture[:3], ways[[1, 4]])
+    ways, mean = rng.normal(size=(5, 2, 3, 5)).astype(np.float32), rng.normal(size=(2, 5, 5)).astype(np.float32)
+    expected, moved, known, posture = mean.copy(), mean.copy(), np.zeros(5, dtype=bool), rng.normal(size=4)
+    expected[:, [1, 4]] += np.einsum("w,phwo->hpo", posture[:3], ways[[1, 4]])
     expected[0, [1, 4]] += posture[3]
     for of_set in ([1], [4, 1, 4]):
         move_to_posture(ways, posture, np.array(of_set), known, moved)
-    np.testing.assert_allclose(moved, expected)
+    np.testing.assert_allclose(moved, expected, rtol=SINGLE, atol=SINGLE)
     np.testing.assert_array_equal(known, [False, True, False, False, True])
-
-
-def test_ways_of_pairs_end_with_the_size():
-    ways, pairs = np.random.default_rng(0).normal(size=(5, 3, 2, 5)), np.array([[0, 2], [3, 4]])
-    found = ways_of_pairs(ways, pairs)
-    np.testing.assert_array_equal(found[:, :, :3], [[ways[0, :, half, 3], ways[2, :, half, 4]] for half in (0, 1)])
-    np.testing.assert_array_equal(found[:, :, 3], [[1.0, 1.0], [0.0, 0.0]])

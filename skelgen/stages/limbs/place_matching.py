@@ -3,23 +3,25 @@
 The 153 places are those of all sets together, and their usual distances to each other are learned as those of sets are
 (``tables/worn_places.npz``, made by tests/benchmarks/learn_sets.py), from people in any posture, whose markers miss
 their places as those of different examiners do (Della Croce et al., Gait & Posture 21 (2005) 226-237). A search begins
-with the sets that fit best and, where markers fit badly from there, with single markers at single places. A place that
-is taken on one side is likely taken on the other, and markers on one segment move as one limb.
+with the sets that fit best and, where markers fit badly from there, with single markers at single places; where the
+best of these end, each arm and leg is sought anew. A place that is taken on one side is likely taken on the other, and
+markers on one segment move as one limb.
 """
 
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache, lru_cache, partial
-from pathlib import Path
 
 import numpy as np
 
 from skelgen._kernels.distance_statistics import MOTION_WEIGHT
 from skelgen.marker_sets import EVERY_PLACE, worn_markers
-from skelgen.model.arrays import Floats, Ints
-from skelgen.stages.limbs.set_matching import Match, Rounds, in_posture, matches, misfits_in_posture
-from skelgen.stages.limbs.worn_sets import set_of_table
-from skelgen.stages.limbs.worn_shapes import Shape, WornSet, square_of_pairs
+from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.simulation.people import usual_person
+from skelgen.stages.limbs.postures import square_of_pairs
+from skelgen.stages.limbs.set_matching import LEAST_INLIERS, Match, Rounds, in_posture, matches, misfits_in_posture
+from skelgen.stages.limbs.worn_sets import ARM, LEG, SIDES, sets_of_table
+from skelgen.stages.limbs.worn_shapes import Shape, WornSet
 
 FROM_SET = Rounds((0.6, 0.7, 0.8, 0.9, 1.0, 1.0, 1.0))
 """Part of the markers by which each round judges: a search begins where that of a set has ended."""
@@ -27,12 +29,18 @@ FROM_SET = Rounds((0.6, 0.7, 0.8, 0.9, 1.0, 1.0, 1.0))
 LED_ON = Rounds((0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.0, 1.0))
 """The same of a search that goes on from where another one has ended."""
 
+LIMB_ANEW = Rounds((0.95, 0.8, 0.9, 1.0, 1.0))
+"""The same of a search that begins with all limbs but one: arms and legs are often taken for a segment too high."""
+
 GOOD, ACCEPTABLE = 0.6, 0.95
 """Mean cost of a marker below which no other beginning is looked for, and below which the end of a search is one: of
 animals and trees one in two hundred has less, of people who lack half of their markers and more nine in ten."""
 
 SEARCHES, TRIED, LEADS = 4, 12, 5
 """Beginnings in each posture, how many postures are tried, and how often a search goes on from the best."""
+
+BEST, TURNS = 4, 2
+"""Ends of searches, the best, from which each limb is sought anew, and how often."""
 
 AT_NO_PLACE = 1.5
 """Cost of a marker that is at none of these places, in the search."""
@@ -50,8 +58,7 @@ MOTION_COUNTS = 0.75
 @cache
 def worn_places() -> WornSet:
     """Return the shape of all places at once."""
-    with np.load(Path(__file__).with_name("tables") / "worn_places.npz") as table:
-        return set_of_table(EVERY_PLACE, {key: table[key] for key in table.files})
+    return sets_of_table("worn_places.npz")[0]
 
 
 def nearest_places(shape: Shape, sets: Sequence[tuple[Match, WornSet]], by_motion: Floats) -> tuple[Match, WornSet]:
@@ -74,7 +81,7 @@ def _nearest(shape: Shape, sets: tuple[tuple[Match, WornSet], ...], motion: byte
     """What `nearest_places` returns, found once for the same motion: limbs, names and joints ask for it."""
     by_motion = np.frombuffer(motion).reshape(shape.distances.shape)
     found = [_search(shape, start, by_motion) for start in _beginnings(shape, sets)]
-    best, _ = min(found, key=lambda one: one[1])
+    best, _ = min(found, key=_cost)
     left_out = 1.0 - len(best.markers) / len(shape.distances)
     return replace(best, misfit=best.misfit + (LEFT_OUT - AT_NO_PLACE) * left_out), worn_places()
 
@@ -96,7 +103,8 @@ def _beginnings(shape: Shape, sets: tuple[tuple[Match, WornSet], ...]) -> tuple[
     if cost >= GOOD:
         others = [min(matches(shape, posed, SEARCHES), key=_misfit) for posed in _places_in_postures()]
         tried = [_search(shape, start, silent) for start in sorted(others, key=_misfit)[:TRIED]]
-        best, cost = _led_on(shape, [(best, cost), *tried])
+        ends = sorted([(best, cost), *tried], key=_cost)[:BEST]
+        best, cost = min((_with_limbs_anew(shape, _led_on(shape, [end])) for end in ends), key=_cost)
     return (*starts, best) if cost < ACCEPTABLE else starts
 
 
@@ -104,7 +112,8 @@ def _beginnings(shape: Shape, sets: tuple[tuple[Match, WornSet], ...]) -> tuple[
 def _places_in_postures() -> tuple[WornSet, ...]:
     """All places, in each of the postures from which searches begin: others are far from the usual distances."""
     places = worn_places()
-    means = places.mean.tables + square_of_pairs(np.tensordot(places.beginnings, places.ways, 1))
+    moved = places.ways.reshape(-1, places.ways.shape[2]) @ places.beginnings.T
+    means = places.mean.tables + square_of_pairs(moved.reshape(len(places.ways), 2, -1).T)
     return tuple(replace(places, mean=Shape(*mean)) for mean in means)
 
 
@@ -112,9 +121,13 @@ def _misfit(match: Match) -> float:
     return match.misfit
 
 
+def _cost(end: tuple[Match, float]) -> float:
+    return end[1]
+
+
 def _led_on(shape: Shape, ends: Sequence[tuple[Match, float]]) -> tuple[Match, float]:
     """Where searches end that go on from the best end of others, as long as they find better ones."""
-    silent, found = np.zeros(shape.distances.shape), min(ends, key=lambda end: end[1])
+    silent, found = np.zeros(shape.distances.shape), min(ends, key=_cost)
     for _ in range(LEADS):
         after = _search(shape, found[0], silent, LED_ON)
         if after[1] >= found[1]:
@@ -123,12 +136,44 @@ def _led_on(shape: Shape, ends: Sequence[tuple[Match, float]]) -> tuple[Match, f
     return found
 
 
+def _with_limbs_anew(shape: Shape, end: tuple[Match, float]) -> tuple[Match, float]:
+    """Where searches end that begin without one arm or leg each, as long as they find better ones."""
+    silent = np.zeros(shape.distances.shape)
+    for _ in range(TURNS):
+        before = end
+        for on_limb in _limbs():
+            match, kept = end[0], ~on_limb[end[0].of_set]
+            if LEAST_INLIERS <= kept.sum() < len(kept):
+                others = Match(match.markers[kept], match.of_set[kept], match.misfits[kept], match.misfit)
+                end = min(end, _search(shape, others, silent, LIMB_ANEW), key=_cost)
+        if end is before:
+            break
+    return end
+
+
+@cache
+def _limbs() -> tuple[Bools, ...]:
+    """Which places are on each arm and leg, shapes (n_places,)."""
+    names = np.array(usual_person(EVERY_PLACE).limb_names)[worn_places().segments]
+    return tuple(np.isin(names, [f"{side} {name}" for name in limb]) for side in SIDES for limb in (ARM, LEG))
+
+
 def _beside_misfits(by_motion: Floats, markers: Ints, taken: Ints) -> Floats:
     """What each place costs for each marker beside its misfit, shape (n_markers, n_places)."""
     places, others = worn_places(), max(len(taken) - 1, 1)
-    alike = places.segments[taken, np.newaxis] == places.segments
-    costs = _wide()[:, taken].sum(axis=1) / others - 2.0 * MOTION_COUNTS * by_motion[:, markers] @ alike / others
-    return np.asarray(costs + ONE_SIDED * ~np.isin(mirror_images(), taken))
+    costs = _wide()[taken].sum(axis=0) / others + ONE_SIDED
+    costs[mirror_images()[taken]] -= ONE_SIDED
+    if not by_motion.any():
+        return np.broadcast_to(costs, (len(by_motion), len(costs)))
+    on_segments = by_motion[:, markers] @ _is_on_segment()[taken]
+    return np.asarray(costs - (2.0 * MOTION_COUNTS / others * on_segments)[:, places.segments])
+
+
+@cache
+def _is_on_segment() -> Floats:
+    """One for each place on its segment, else zero, shape (n_places, n_segments)."""
+    segments = worn_places().segments
+    return np.eye(segments.max() + 1)[segments]
 
 
 def costs_of_places(shape: Shape, match: Match, by_motion: Floats) -> Floats:

@@ -6,13 +6,14 @@ They do alike to many pairs of markers, so that few ways to vary (principal comp
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
-from skelgen._kernels.distance_statistics import LARGEST, MOTION_WEIGHT, UNKNOWN, move_to_posture, ways_of_pairs
-from skelgen.model.arrays import Bools, Floats, Ints, spread_frames
+from skelgen._kernels.distance_statistics import MOTION_WEIGHT, move_to_posture, precision_of
+from skelgen.model.arrays import Bools, Floats, Ints, Singles, spread_frames
 
 MOST_PAIRS = 400
 """Of markers, by whose distances a posture is found: many times what is unknown of it."""
@@ -39,43 +40,78 @@ class Postures:
     ----------
     mean : ndarray, shape (2, n_markers, n_markers)
         Logarithms of the usual distances, of no unit, and of how much they vary.
-    ways : ndarray, shape (n_markers, n_ways, 2, n_markers)
-        By how much these differ where a posture is one standard deviation off in one way.
-    spread : ndarray, shape (2, n_markers, n_markers)
+    ways : ndarray, shape (n_pairs, 2, n_ways)
+        By how much these differ where a posture is one standard deviation off in one way; pairs as above a diagonal.
+    left : ndarray, shape (2, n_pairs)
         Standard deviations of what no posture explains.
     """
 
-    mean: Floats
-    ways: Floats
-    spread: Floats
+    mean: Singles
+    ways: Singles
+    left: Floats
 
-    def assumed(self, take: Floats, of_set: Ints) -> Assumed:
+    @cached_property
+    def spread(self) -> Floats:
+        """Standard deviations of what no posture explains, shape (2, n_markers, n_markers)."""
+        return square_of_pairs(self.left)
+
+    @cached_property
+    def precision(self) -> Singles:
+        """How much squares count of what no posture explains, shape (2, n_markers, n_markers)."""
+        return precision_of(self.spread)
+
+    @cached_property
+    def ways_of_markers(self) -> Singles:
+        """The ways, marker by marker, shape (n_markers, 2, n_ways, n_markers); anything on the diagonal."""
+        numbers = numbers_of_pairs(len(self.mean[0]))
+        of_pairs = np.ascontiguousarray(self.ways.reshape(len(self.ways), -1).T)
+        found = np.empty((len(numbers), len(of_pairs), len(numbers)), dtype=np.float32)
+        for marker, own in enumerate(numbers):
+            np.take(of_pairs, own, axis=1, out=found[marker], mode="clip")
+        return found.reshape(len(numbers), 2, -1, len(numbers))
+
+    @cached_property
+    def _weights(self) -> Singles:
+        """Inverse standard deviations of what no posture explains, with the weight of motions, shape (n_pairs, 2)."""
+        return np.asarray(np.sqrt(precision_of(self.left)).T)
+
+    @cached_property
+    def _weighted(self) -> Singles:
+        """The ways, and that of a larger body, whose distances differ alike, weighted, (n_pairs, 2, n_ways + 1)."""
+        size = np.broadcast_to(np.array([[1.0], [0.0]], dtype=np.float32), (len(self.ways), 2, 1))
+        return np.concatenate([self.ways, size], axis=2) * self._weights[..., np.newaxis]
+
+    @cached_property
+    def _prior(self) -> Floats:
+        return np.diag([1.0] * self.ways.shape[2] + [SIZE_SPREAD**-2])
+
+    def assumed(self, take: Singles, markers: Ints, of_set: Ints) -> Assumed:
         """Return the usual distances and motions in the posture and size that suit some markers best.
 
         Parameters
         ----------
-        take : ndarray, shape (2, n_matched, n_matched)
+        take : ndarray, shape (2, n_in_take, n_in_take)
             Logarithms of distances and of how much they vary; NaN where unknown.
-        of_set : ndarray of intp, shape (n_matched,)
-            Markers of the set that they are taken for.
+        markers, of_set : ndarray of intp, shape (n_matched,)
+            Markers of the take, and those of the set that they are taken for.
         """
-        first, second = np.triu_indices(len(of_set), 1)
-        known = np.flatnonzero(~np.isnan(take[0, first, second]))
-        used = known[spread_frames(len(known), MOST_PAIRS)]
-        first, second = first[used], second[used]
-        pairs = np.stack([of_set[first], of_set[second]])
-        spread = self.spread[:, pairs[0], pairs[1]] / np.sqrt([[1.0], [MOTION_WEIGHT]])
-        away = take[:, first, second] - self.mean[:, pairs[0], pairs[1]]
-        prior = np.diag([1.0] * self.ways.shape[1] + [SIZE_SPREAD**-2])
-        ways = (ways_of_pairs(self.ways, pairs) / spread[..., np.newaxis]).reshape(-1, len(prior))
-        off = (away / spread).ravel()
-        posture, information = np.zeros(len(prior)), np.zeros_like(prior)
-        posture[-1] = np.median(away[0]) if len(used) else 0.0
+        first, second = above_diagonal(len(of_set))
+        seen = take[:, markers[first], markers[second]]
+        known = np.flatnonzero(~np.isnan(seen[0]))
+        used = known[_spread_pairs(len(known))]
+        pairs = of_set[first[used]], of_set[second[used]]
+        numbers = numbers_of_pairs(len(self.mean[0]))[pairs]
+        away = seen[:, used] - self.mean[:, *pairs]
+        off = (away.T * self._weights[numbers]).ravel()
+        ways = self._weighted[numbers].reshape(-1, len(self._prior))
+        posture, information = np.zeros(len(self._prior)), np.zeros_like(self._prior)
+        posture[-1] = median_of_known(away[0])
         for _ in range(ROUNDS):
-            weighted = ways / (1.0 + ((off - ways @ posture) / NEAR) ** 2)[:, np.newaxis]
-            information = weighted.T @ ways
-            posture = np.asarray(np.linalg.solve(information + prior, off @ weighted), dtype=np.float64)
-        return Assumed(posture, self, np.asarray(INDEPENDENT * information + prior))
+            roots = 1.0 / np.sqrt(1.0 + ((off - ways @ posture.astype(np.float32)) / NEAR) ** 2)
+            counted = ways * roots[:, np.newaxis]
+            information = counted.T @ counted
+            posture = np.asarray(np.linalg.solve(information + self._prior, (off * roots) @ counted))
+        return Assumed(posture, self, INDEPENDENT * information + self._prior)
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,10 +134,10 @@ class Assumed:
     precision: Floats
 
     @cached_property
-    def _moved(self) -> tuple[Bools, Floats]:
-        return np.zeros(len(self.of.ways), dtype=np.bool_), self.of.mean.copy()
+    def _moved(self) -> tuple[Bools, Singles]:
+        return np.zeros(len(self.of.mean[0]), dtype=np.bool_), self.of.mean.copy()
 
-    def mean(self, of_set: Ints) -> Floats:
+    def mean(self, of_set: Ints) -> Singles:
         """Logarithms of the distances, and of how much they vary, shape (2, n_markers, n_markers).
 
         Parameters
@@ -110,17 +146,16 @@ class Assumed:
             Markers whose rows are right, at least.
         """
         known, mean = self._moved
-        move_to_posture(self.of.ways, self.posture, of_set, known, mean)
+        move_to_posture(self.of.ways_of_markers, self.posture, of_set, known, mean)
         return mean
 
     @cached_property
     def spread(self) -> Floats:
         """Standard deviations of both, with what is unknown of the posture, shape (2, n_markers, n_markers)."""
         covariance = np.linalg.inv(self.precision)[:-1, :-1]
-        n_markers, n_ways = self.of.ways.shape[:2]
-        ways = np.linalg.cholesky(covariance).T @ self.of.ways.reshape(n_markers, n_ways, -1)
-        unknown = (ways**2).sum(axis=1).reshape(n_markers, 2, n_markers)
-        return np.asarray(np.sqrt(self.of.spread**2 + unknown.swapaxes(0, 1)))
+        root = np.linalg.cholesky(covariance).T
+        unknown = square_of_pairs(((self.of.ways @ root.T) ** 2).sum(axis=2).T)
+        return np.sqrt(self.of.spread**2 + unknown)
 
     @cached_property
     def widening(self) -> Floats:
@@ -129,20 +164,42 @@ class Assumed:
         return np.asarray(np.nan_to_num(of_distances + MOTION_WEIGHT * of_motions))
 
 
-def own_misfits(take: Floats, mean: Floats, spread: Floats, of_set: Ints) -> Floats:
-    """Return the mean square of how far the distances of each matched marker are off, shape (n_matched,).
+def square_of_pairs(values: Floats) -> Floats:
+    """Return values of pairs as symmetric matrices, NaN on the diagonal, shape (..., n_markers, n_markers).
 
     Parameters
     ----------
-    take : ndarray, shape (2, n_matched, n_matched)
-        Logarithms of distances and of how much they vary; NaN where unknown.
-    mean, spread : ndarray, shape (2, n_of_set, n_of_set)
-        The same of the set, and their standard deviations.
-    of_set : ndarray of intp, shape (n_matched,)
-        What the markers are taken for.
+    values : ndarray, shape (..., n_pairs)
+        In the order of the rows above the diagonal.
     """
-    mean, spread = (values[:, of_set][..., of_set] for values in (mean, spread))
-    off = ((take - mean) / spread) ** 2
-    squares = np.minimum(np.nan_to_num(off[0] + MOTION_WEIGHT * off[1], nan=UNKNOWN), LARGEST)
-    np.fill_diagonal(squares, 0.0)
-    return np.asarray(squares.sum(axis=1) / max(len(of_set) - 1, 1))
+    n_markers = (1 + math.isqrt(1 + 8 * values.shape[-1])) // 2
+    square = np.ascontiguousarray(values[..., numbers_of_pairs(n_markers)])
+    square[..., np.arange(n_markers), np.arange(n_markers)] = np.nan
+    return square
+
+
+@lru_cache(maxsize=256)
+def _spread_pairs(n_pairs: int) -> Ints:
+    """Return which of so many pairs of markers a posture is found by."""
+    return spread_frames(n_pairs, MOST_PAIRS)
+
+
+def median_of_known(values: Floats) -> float:
+    """Return the median of what is not NaN, zero if nothing is; of few values sooner than NumPy does."""
+    known = np.sort(values[~np.isnan(values)])
+    return float(known[(len(known) - 1) // 2] + known[len(known) // 2]) / 2 if len(known) else 0.0
+
+
+@lru_cache(maxsize=256)
+def above_diagonal(n_markers: int) -> tuple[Ints, Ints]:
+    """Return the first and the second marker of each pair, shapes (n_pairs,)."""
+    return np.triu_indices(n_markers, 1)
+
+
+@lru_cache(maxsize=64)
+def numbers_of_pairs(n_markers: int) -> Ints:
+    """Return the number of each pair, on the diagonal that of any pair, shape (n_markers, n_markers)."""
+    numbers = np.zeros((n_markers, n_markers), dtype=np.intp)
+    first, second = above_diagonal(n_markers)
+    numbers[first, second] = numbers[second, first] = np.arange(len(first))
+    return numbers

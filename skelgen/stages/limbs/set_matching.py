@@ -13,13 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skelgen._kernels.distance_statistics import MOTION_WEIGHT, misfits_to_set
-from skelgen.model.arrays import Floats, Ints
-from skelgen.stages.limbs.postures import own_misfits
+from skelgen._kernels.distance_statistics import misfits_to_set, own_misfits, precision_of
+from skelgen.model.arrays import Floats, Ints, Singles
+from skelgen.stages.limbs.postures import above_diagonal, median_of_known
 from skelgen.stages.limbs.worn_shapes import Shape, WornSet
-
-OUTLINE_SPREAD = 0.15, 0.5
-"""Standard deviations of these, and of those of how much the distances vary."""
 
 START_WEIGHT = 2.0
 """How much the distances to one pair of markers count beside the outlines, at the beginning of a search."""
@@ -125,7 +122,7 @@ def _match(markers: Ints, taken: Ints, misfits: Floats, n_both: int) -> Match:
     return Match(markers, taken, misfits, float(misfits.mean()) + left_over)
 
 
-def misfits_of(shape: Shape, worn: WornSet, markers: Ints, of_set: Ints) -> Floats:
+def misfits_of(shape: Shape, worn: WornSet, markers: Ints, of_set: Ints) -> Singles:
     """Return the mean square of how far distances are off if a marker is one of a set, shape (n_markers, n_of_set).
 
     Bodies are compared as if they were of one size.
@@ -139,11 +136,11 @@ def misfits_of(shape: Shape, worn: WornSet, markers: Ints, of_set: Ints) -> Floa
     markers, of_set : ndarray of intp, shape (n_matched,)
         Markers to which distances are compared, and what they are taken for.
     """
-    differences = shape.distances[np.ix_(markers, markers)] - worn.mean.distances[np.ix_(of_set, of_set)]
-    known = differences[~np.isnan(differences)]  # what is worn says which distance is the usual one
-    size = float(np.median(known)) if len(known) else 0.0
-    taken = shape.tables - np.array([size, 0.0])[:, np.newaxis, np.newaxis]
-    return misfits_to_set(taken, worn.mean.tables, worn.spread.tables, markers, of_set)
+    first, second = above_diagonal(len(markers))
+    usual = worn.mean.distances[of_set[first], of_set[second]]
+    size = median_of_known(shape.distances[markers[first], markers[second]] - usual)
+    taken = shape.tables - np.array([size, 0.0], dtype=np.float32)[:, np.newaxis, np.newaxis]
+    return misfits_to_set(taken, worn.mean.tables, worn.spread.precision, markers, of_set)
 
 
 def in_posture(
@@ -179,30 +176,28 @@ def in_posture(
     cost : float
         The mean cost of a marker of the take.
     """
-    n_markers, postures = len(shape.distances), worn.postures
+    n_markers, postures, take = len(shape.distances), worn.postures, shape.tables
     markers, of_set, misfits = match.markers, match.of_set, match.misfits
     best, least = (markers, of_set), np.inf
     for part in rounds.parts:
         inliers = np.argsort(misfits, kind="stable")[: max(LEAST_INLIERS, round(part * len(misfits)))]
         markers, of_set = markers[inliers], of_set[inliers]
-        assumed, is_careful = postures.assumed(shape.of(markers).tables, of_set), rounds.is_careful and part < 1.0
-        spread = assumed.spread if is_careful else postures.spread
-        costs = misfits_to_set(shape.tables, assumed.mean(of_set), spread, markers, of_set)
+        assumed, is_careful = postures.assumed(take, markers, of_set), rounds.is_careful and part < 1.0
+        precision = precision_of(assumed.spread) if is_careful else postures.precision
+        costs: Floats | Singles = misfits_to_set(take, assumed.mean(of_set), precision, markers, of_set)
         costs = costs + _mean_cost(assumed.widening, of_set) if is_careful else costs
         costs = costs if beside is None else costs + beside(markers, of_set)
         markers, of_set = _assigned(costs, without_partner if part == 1.0 else np.inf)
-        taken = shape.of(markers).tables
-        misfits = own_misfits(taken, assumed.mean(of_set), postures.spread, of_set)
+        misfits = own_misfits(take, assumed.mean(of_set), postures.precision, markers, of_set)
         besides = 0.0 if beside is None else float(beside(markers, of_set)[markers, of_set].sum())
         cost = float(misfits.sum()) + besides + without_partner * (n_markers - len(markers))
         if cost < least:
             best, least = (markers, of_set), cost
         if is_careful:
-            misfits = own_misfits(taken, assumed.mean(of_set), spread, of_set)
+            misfits = own_misfits(take, assumed.mean(of_set), precision, markers, of_set)
             misfits += _mean_cost(assumed.widening, of_set)[of_set]
     markers, of_set = best
-    taken = shape.of(markers).tables
-    own = own_misfits(taken, postures.assumed(taken, of_set).mean(of_set), postures.spread, of_set)
+    own = own_misfits(take, postures.assumed(take, *best).mean(of_set), postures.precision, *best)
     misfit = float(own.sum()) + without_partner * (n_markers - len(markers))
     return Match(markers, of_set, own, misfit / n_markers), least / n_markers
 
@@ -212,7 +207,7 @@ def _mean_cost(of_pairs: Floats, of_set: Ints) -> Floats:
     return np.asarray(of_pairs[of_set].sum(axis=0) / max(len(of_set) - 1, 1))
 
 
-def _assigned(costs: Floats, without_partner: float) -> tuple[Ints, Ints]:
+def _assigned(costs: Floats | Singles, without_partner: float) -> tuple[Ints, Ints]:
     """The assignment of least cost, where markers of the take may have no partner at some cost."""
     from scipy.optimize import linear_sum_assignment  # noqa: PLC0415 - heavy
 
@@ -223,7 +218,7 @@ def _assigned(costs: Floats, without_partner: float) -> tuple[Ints, Ints]:
     return markers[of_set < n_of_set], of_set[of_set < n_of_set]
 
 
-def misfits_in_posture(shape: Shape, worn: WornSet, markers: Ints, of_set: Ints) -> Floats:
+def misfits_in_posture(shape: Shape, worn: WornSet, markers: Ints, of_set: Ints) -> Singles:
     """Return what `misfits_of` does, in the posture that suits the matched markers best.
 
     Parameters
@@ -231,14 +226,11 @@ def misfits_in_posture(shape: Shape, worn: WornSet, markers: Ints, of_set: Ints)
     shape, worn, markers, of_set
         As for `misfits_of`.
     """
-    mean = worn.postures.assumed(shape.of(markers).tables, of_set).mean(of_set)
-    return misfits_to_set(shape.tables, mean, worn.postures.spread, markers, of_set)
+    mean = worn.postures.assumed(shape.tables, markers, of_set).mean(of_set)
+    return misfits_to_set(shape.tables, mean, worn.postures.precision, markers, of_set)
 
 
 def _outline_misfits(one: Shape, other: Shape) -> Floats:
     """Difference of the outlines of each marker of one shape and each of the other."""
-    total = np.zeros((len(one.distances), len(other.distances)))
-    pairs = zip(one.outlines, other.outlines, OUTLINE_SPREAD, (1.0, MOTION_WEIGHT), strict=True)
-    for values, means, spread, weight in pairs:
-        total += weight * ((values[:, np.newaxis] - means) ** 2).mean(axis=2) / spread**2
-    return total
+    off = one.outlines[:, np.newaxis] - other.outlines
+    return np.asarray(np.einsum("ijk,ijk->ij", off, off))

@@ -20,8 +20,9 @@ from typing import NamedTuple
 import numpy as np
 
 from skelgen.model.arrays import Floats, Ints
+from skelgen.stages.limbs.postures import square_of_pairs
 from skelgen.stages.limbs.set_matching import CAREFUL, PLAIN, SURE, Match, Rounds, in_posture, matches
-from skelgen.stages.limbs.worn_shapes import Shape, WornSet, once_for_frames, shape_of, square_of_pairs
+from skelgen.stages.limbs.worn_shapes import Shape, WornSet, once_for_frames, shape_of
 
 SIZES = (0.75, 1.33)
 """Of the number of a set's markers: a take with fewer or more does not wear it."""
@@ -80,14 +81,13 @@ BORNE_OUT, NOT_BORNE_OUT = 0.9, 0.8
 
 SIDES = ("left", "right")
 
+ARM, LEG = ("upper arm", "forearm", "hand"), ("thigh", "shank", "foot", "toes")
+
 HALVES = {
-    "lower": ("pelvis", *(f"{side} {name}" for side in SIDES for name in ("thigh", "shank", "foot", "toes"))),
-    "upper": ("chest", "head", *(f"{side} {name}" for side in SIDES for name in ("upper arm", "forearm", "hand"))),
+    "lower": ("pelvis", *(f"{side} {name}" for side in SIDES for name in LEG)),
+    "upper": ("chest", "head", *(f"{side} {name}" for side in SIDES for name in ARM)),
 }
 """Segments of half a person."""
-
-LEARNED = ("mean", "spread", "ways", "left")
-"""Arrays of a set in the table."""
 
 LEAST_OF_HALF = 15
 """Least markers of half a person: fewer fit anything."""
@@ -249,7 +249,9 @@ def _starts(shape: Shape) -> list[tuple[_Part, list[Match]]]:
 
 def _parts(worn: WornSet, n_markers: int) -> list[_Part]:
     """A set and its halves, those that have about as many markers as the take."""
-    halves = worn.halves if n_markers >= LEAST_OF_HALF else ()
+    least, most = SIZES_OF_HALF
+    has_half = any(least <= n_markers / len(part) <= most for part in worn.parts)
+    halves = worn.halves if n_markers >= LEAST_OF_HALF and has_half else ()
     sized = [((np.arange(len(worn.segments)), worn), SIZES), *((half, SIZES_OF_HALF) for half in halves)]
     return [_Part(worn, *part) for part, (least, most) in sized if least <= n_markers / len(part[0]) <= most]
 
@@ -257,27 +259,28 @@ def _parts(worn: WornSet, n_markers: int) -> list[_Part]:
 @cache
 def worn_sets() -> tuple[WornSet, ...]:
     """Return the shapes of all sets."""
-    with np.load(Path(__file__).with_name("tables") / "worn_sets.npz") as table:
-        read = {key: table[key] for key in table.files}
-    return tuple(set_of_table(name, read) for name in sorted({key.partition("/")[0] for key in read}))
+    return sets_of_table("worn_sets.npz")
 
 
-def set_of_table(name: str, table: dict[str, np.ndarray]) -> WornSet:
-    """Return a set as it was learned.
-
-    Parameters
-    ----------
-    name : str
-        Of the set.
-    table : dict
-        What was learned, by the name of the set and of the array, as ``ior/mean``.
-    """
-    mean, spread, ways, left = (table[f"{name}/{array}"].astype(np.float64) for array in LEARNED)
-    usual, varying = (Shape(*square_of_pairs(values)) for values in (mean, spread))
-    segments, markers = table[f"{name}/segments"].astype(np.intp), tuple(table[f"{name}/markers"].tolist())
-    parts = tuple(table[f"{name}/{half}"].astype(np.intp) for half in HALVES if f"{name}/{half}" in table)
-    beginnings = table.get(f"{name}/beginnings", np.zeros((0, len(ways)))).astype(np.float64)
-    return WornSet(name, usual, varying, ways, left, segments, markers, parts, beginnings)
+def sets_of_table(file_name: str) -> tuple[WornSet, ...]:
+    """Return the sets of a table as they were learned; theirs are the markers, and the pairs, one after the other."""
+    with np.load(Path(__file__).with_name("tables") / file_name) as file:
+        table = {key: file[key] for key in file.files}
+    n_markers = table["n_markers"].astype(np.intp)
+    of_markers, of_pairs = np.cumsum(n_markers)[:-1], np.cumsum(n_markers * (n_markers - 1) // 2)[:-1]
+    usual = np.split(table["usual"].astype(np.float64), of_pairs, axis=2)
+    ways = np.split(table["ways"].astype(np.float32), of_pairs)
+    segments = np.split(table["segments"].astype(np.intp), of_markers)
+    halves, markers = (np.split(table[key], of_markers) for key in ("halves", "markers"))
+    beginnings = table["beginnings"].astype(np.float64)
+    sets = []
+    for number, name_of_set in enumerate(table["names"].tolist()):
+        (mean, spread, left), names = usual[number], tuple(markers[number].tolist())
+        shapes = Shape(*square_of_pairs(mean)), Shape(*square_of_pairs(spread))
+        parts = tuple(np.flatnonzero(halves[number] == half) for half in np.unique(halves[number]) if half)
+        of_set = WornSet(name_of_set, *shapes, ways[number], left, segments[number], names, parts, beginnings)
+        sets.append(of_set)
+    return tuple(sets)
 
 
 def part_of(value: Floats | float, all_of: float, nothing: float) -> Floats:

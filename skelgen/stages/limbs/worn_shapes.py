@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache, wraps
@@ -10,9 +9,10 @@ from typing import TypeVar
 
 import numpy as np
 
+from skelgen._kernels.distance_statistics import precision_of
 from skelgen.geometry.statistics import lengths_of
-from skelgen.model.arrays import Floats, Ints, spread_frames
-from skelgen.stages.limbs.postures import Postures
+from skelgen.model.arrays import Floats, Ints, Singles, spread_frames
+from skelgen.stages.limbs.postures import Postures, above_diagonal, numbers_of_pairs
 
 _Found = TypeVar("_Found")
 
@@ -27,6 +27,9 @@ SHORTEST, LEAST_MOTION = 5.0, 1.0
 
 OUTLINE = tuple(np.linspace(0.05, 0.95, 12))
 """Quantiles of a marker's distances to all others, by which a search begins."""
+
+OUTLINE_SPREAD = 0.15, 0.5
+"""Standard deviations of these, and of those of how much the distances vary."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,9 +46,14 @@ class Shape:
     motions: Floats
 
     @cached_property
-    def tables(self) -> Floats:
+    def tables(self) -> Singles:
         """Distances and motions, shape (2, n_markers, n_markers)."""
-        return np.stack([self.distances, self.motions]).astype(np.float64, copy=False)
+        return np.array([self.distances, self.motions], dtype=np.float32)
+
+    @cached_property
+    def precision(self) -> Singles:
+        """How much squares of what is off count, if these are standard deviations, (2, n_markers, n_markers)."""
+        return precision_of(self.tables)
 
     def of(self, taken: Ints) -> Shape:
         """Return the shape of some markers.
@@ -59,9 +67,10 @@ class Shape:
         return Shape(self.distances[pairs], self.motions[pairs])
 
     @cached_property
-    def outlines(self) -> tuple[Floats, Floats]:
-        """Quantiles of the distances and of the motions of each marker, shapes (n_markers, n_quantiles)."""
-        return _quantiles(self.distances), _quantiles(self.motions)
+    def outlines(self) -> Floats:
+        """Quantiles of the distances and of the motions of each marker, weighted, shape (n_markers, n_quantiles)."""
+        weights = np.sqrt(precision_of(np.array(OUTLINE_SPREAD)) / len(OUTLINE))
+        return np.concatenate([w * _quantiles(table) for w, table in zip(weights, self.tables, strict=True)], axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +83,7 @@ class WornSet:
         What the set is called.
     mean, spread : Shape
         Of people, and the standard deviations between them.
-    ways, left : ndarray, shapes (n_ways, 2, n_pairs) and (2, n_pairs)
+    ways, left : ndarray, shapes (n_pairs, 2, n_ways) and (2, n_pairs)
         By how much distances and motions of each two markers differ where posture and proportions are one standard
         deviation off in one way, and the standard deviations of what no way explains; pairs as above a diagonal.
     segments : ndarray of intp, shape (n_markers,)
@@ -90,7 +99,7 @@ class WornSet:
     name: str
     mean: Shape
     spread: Shape
-    ways: Floats
+    ways: Singles
     left: Floats
     segments: Ints
     markers: tuple[str, ...]
@@ -100,8 +109,7 @@ class WornSet:
     @cached_property
     def postures(self) -> Postures:
         """What postures and proportions do to the distances of its markers."""
-        ways = np.ascontiguousarray(np.moveaxis(square_of_pairs(self.ways), 2, 0))
-        return Postures(self.mean.tables, ways, square_of_pairs(self.left))
+        return Postures(self.mean.tables, self.ways, self.left)
 
     @cached_property
     def halves(self) -> tuple[tuple[Ints, WornSet], ...]:
@@ -109,30 +117,12 @@ class WornSet:
         return tuple((taken, self._of(taken)) for taken in self.parts)
 
     def _of(self, taken: Ints) -> WornSet:
-        first, second = np.triu_indices(len(taken), 1)
-        number = square_of_pairs(np.arange(self.left.shape[1], dtype=np.float64))
-        pairs = number[taken[first], taken[second]].astype(np.intp)
+        first, second = above_diagonal(len(taken))
+        pairs = numbers_of_pairs(len(self.segments))[taken[first], taken[second]]
         mean, spread = (shape.of(taken) for shape in (self.mean, self.spread))
         names = tuple(self.markers[marker] for marker in taken.tolist())
         usual = Shape(mean.distances - np.nanmedian(mean.distances), mean.motions)
-        return WornSet(
-            self.name, usual, spread, self.ways[..., pairs], self.left[:, pairs], self.segments[taken], names
-        )
-
-
-def square_of_pairs(values: Floats) -> Floats:
-    """Return values of pairs as symmetric matrices, NaN on the diagonal, shape (..., n_markers, n_markers).
-
-    Parameters
-    ----------
-    values : ndarray, shape (..., n_pairs)
-        In the order of the rows above the diagonal.
-    """
-    n_markers = (1 + math.isqrt(1 + 8 * values.shape[-1])) // 2
-    square = np.full((*values.shape[:-1], n_markers, n_markers), np.nan)
-    first, second = np.triu_indices(n_markers, 1)
-    square[..., first, second] = square[..., second, first] = values
-    return square
+        return WornSet(self.name, usual, spread, self.ways[pairs], self.left[:, pairs], self.segments[taken], names)
 
 
 def once_for_frames(find: Callable[[Floats], _Found]) -> Callable[[Floats], _Found]:
