@@ -362,7 +362,6 @@ def _length_rows(project: Project) -> list[Row]:
     raw, skeleton, rows = project.topology.raw_joint_positions, project.skeleton, list[Row]()
     for index, ((first, second), length) in enumerate(skeleton.lengths.items()):
         measured = np.linalg.norm(raw[:, first] - raw[:, second], axis=1)
-        measured = measured[~np.isnan(measured)]
         limb = skeleton.limb_of_length((first, second))
         rows.append(
             {
@@ -372,7 +371,7 @@ def _length_rows(project: Project) -> list[Row]:
                 "to_joint": skeleton.joint_names[second],
                 "length_mm": length,
                 "std_mm": None if skeleton.length_std is None else float(skeleton.length_std[index]),
-                "spread_mm": float(measured.std()) if len(measured) else None,
+                "spread_mm": None if np.isnan(measured).all() else float(np.nanstd(measured)),
             }
         )
     return rows
@@ -380,13 +379,11 @@ def _length_rows(project: Project) -> list[Row]:
 
 def _spread(residuals: Floats) -> Spread:
     seen = residuals[~np.isnan(residuals)]
-    if len(seen) == 0:
-        return {"mean_mm": None, "rms_mm": None, "p95_mm": None, "max_mm": None}
     return {
-        "mean_mm": float(seen.mean()),
-        "rms_mm": float(np.sqrt((seen**2).mean())),
-        "p95_mm": float(np.percentile(seen, _HIGH_PERCENTILE)),
-        "max_mm": float(seen.max()),
+        "mean_mm": float(seen.mean()) if len(seen) else None,
+        "rms_mm": float(np.sqrt((seen**2).mean())) if len(seen) else None,
+        "p95_mm": float(np.percentile(seen, _HIGH_PERCENTILE)) if len(seen) else None,
+        "max_mm": float(seen.max()) if len(seen) else None,
     }
 
 

@@ -204,28 +204,6 @@ def seen_together(block: Block, marker: Ints, n_markers: int) -> Floats:
     return seen.T @ seen
 
 
-def spread_in_room(cloud: PointCloud, marker_of_point: Ints, n_markers: int) -> Floats:
-    """Variance of each marker's place in the room [mm^2], in the mean of the coordinates, shape (n_markers,).
-
-    Parameters
-    ----------
-    cloud : PointCloud
-        The take.
-    marker_of_point : ndarray of intp, shape (n_points,)
-        Marker of each point, -1 for none.
-    n_markers : int
-        Number of markers.
-    """
-    sums = np.zeros((5, n_markers))
-    for start in range(0, len(marker_of_point), BLOCK_POINTS):
-        owned = np.flatnonzero(marker_of_point[start : start + BLOCK_POINTS] >= 0) + start
-        marker, points = marker_of_point[owned], cloud.points[owned]
-        values = (*points.T, (points**2).sum(axis=1), np.ones(len(points)))
-        sums += [np.bincount(marker, value, n_markers) for value in values]
-    means = sums[:4] / np.maximum(sums[4], 1.0)
-    return np.maximum(means[3] - (means[:3] ** 2).sum(axis=0), 0.0) / 3.0
-
-
 def marker_names(n_markers: int) -> tuple[str, ...]:
     """Return the names of markers that have no labels: ``M000``, ``M001``, ..."""
     return tuple(f"M{index:03d}" for index in range(n_markers))

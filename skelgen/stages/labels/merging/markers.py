@@ -86,7 +86,7 @@ def merge_again(take: FollowedCloud, marker_of_point: Ints) -> Ints:
         apart |= meeting
     gaps = take.continuity(extended) if take.has_few_moments else None
     prior = gaps.between(apart) if gaps else None
-    spread = point_labels.spread_in_room(take.cloud, extended, n_extended)
+    spread = spread_in_room(take.cloud, extended, n_extended)
     merged = _merge_across_pauses(DistanceRecord(sums, apart, take.spacing, prior, decides=False), spread)
     merged[merged >= n_markers] = -1
     if (merged[:n_markers] == np.arange(n_markers)).all() and (merged[n_markers:] < 0).all():
@@ -131,6 +131,28 @@ def seen_at_once(cloud: PointCloud, marker_of_point: Ints, n_markers: int) -> Bo
     for block in point_labels.blocks_of(cloud):
         together |= point_labels.seen_together(block, marker_of_point[block.points], n_markers) > 0
     return together
+
+
+def spread_in_room(cloud: PointCloud, marker_of_point: Ints, n_markers: int) -> Floats:
+    """Variance of each marker's place in the room [mm^2], in the mean of the coordinates, shape (n_markers,).
+
+    Parameters
+    ----------
+    cloud : PointCloud
+        The take.
+    marker_of_point : ndarray of intp, shape (n_points,)
+        Marker of each point, -1 for none.
+    n_markers : int
+        Number of markers.
+    """
+    sums = np.zeros((5, n_markers))
+    for start in range(0, len(marker_of_point), point_labels.BLOCK_POINTS):
+        owned = np.flatnonzero(marker_of_point[start : start + point_labels.BLOCK_POINTS] >= 0) + start
+        marker, points = marker_of_point[owned], cloud.points[owned]
+        values = (*points.T, (points**2).sum(axis=1), np.ones(len(points)))
+        sums += [np.bincount(marker, value, n_markers) for value in values]
+    means = sums[:4] / np.maximum(sums[4], 1.0)
+    return np.asarray(np.maximum(means[3] - (means[:3] ** 2).sum(axis=0), 0.0) / 3.0)
 
 
 def may_be_incomplete(take: FollowedCloud, marker_of_point: Ints, seconds: float) -> bool:
