@@ -1,8 +1,9 @@
 """Learn the weight of skelgen/stages/limbs/bodies.py: ``python tests/benchmarks/learn_bodies.py``.
 
-Takes of learn_pairs.py, every `EVERY`th of the simulated ones, alone and in pairs beside each other at `APART`. Cuts of
-one body are wrong, the cut between two bodies is right. Printed: the weight, and how many takes of each kind that of
-the program tells rightly; its `BIAS` is lower by `CAREFUL`, as a body torn apart is worse than two that are joined.
+Takes of learn_pairs.py, every `EVERY`th of the simulated ones, alone and in pairs beside each other at `APART`, on the
+spot and while all go through the room together. Cuts of one body are wrong, the cut between two bodies is right.
+Printed: the weight, and how many takes of each kind that of the program tells rightly; its `BIAS` is lower by
+`CAREFUL`, as a body torn apart is worse than two that are joined.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 from learn_pairs import Subject, subjects
+from scipy.spatial.transform import Rotation
 from shown import show
 from sklearn.linear_model import LogisticRegression
 
@@ -22,7 +24,8 @@ from skelgen.stages.limbs import bodies
 EVERY = 4
 APART = (500.0, 700.0, 1000.0, 1500.0, 3000.0)  # mm
 PAIRS = 3  # for each take
-CAREFUL = 1.0
+WAY, TURN = 2000.0, 3.0  # mm, rad
+CAREFUL = 1.5
 WRONG_SHARE = 4.0  # takes of one body are so many times more frequent than those of two
 
 
@@ -38,12 +41,12 @@ def main() -> None:
     """Print the weight, and how many takes it tells rightly."""
     taken = list(chosen())
     rng = np.random.default_rng(0)
-    cases = [case(one.kind, one.positions, one.positions.shape[1]) for one in taken]
+    cases = [made for one in taken for made in both_ways(one.kind, one.positions, one.positions.shape[1], rng)]
     for index, one in enumerate(taken):
         for _ in range(PAIRS):
             other = taken[int(rng.integers(len(taken)))] if one.kind != "structure" else taken[index - 1]
             both, n_first = together(one.positions, other.positions, rng.choice(APART), rng)
-            cases.append(case(f"two: {one.kind}", both, n_first))
+            cases += both_ways(f"two: {one.kind}", both, n_first, rng)
     cases = [one for one in cases if len(one.is_between)]
     fit = LogisticRegression(C=100.0, max_iter=10_000, tol=1e-8)
     weights = np.concatenate([weights_of(one) for one in cases])
@@ -86,10 +89,20 @@ def together(one: Floats, other: Floats, apart: float, rng: np.random.Generator)
     return np.concatenate([one[:n_frames], moved], axis=1), one.shape[1]
 
 
+def both_ways(kind: str, positions: Floats, n_first: int, rng: np.random.Generator) -> list[Case]:
+    """A take as it is, and while all in it go through the room together, turning."""
+    n_frames, angle = len(positions), rng.uniform(0, 2 * np.pi)
+    way = WAY * np.sin(np.linspace(0, 2 * np.pi, n_frames))[:, np.newaxis] * [np.cos(angle), np.sin(angle), 0.0]
+    turn = Rotation.from_rotvec(np.linspace(0, TURN, n_frames)[:, np.newaxis] * [0.0, 0.0, 1.0]).as_matrix()
+    middle = np.nanmean(positions.reshape(-1, 3), axis=0)
+    moved = np.einsum("fij,fmj->fmi", turn, positions - middle) + way[:, np.newaxis]
+    return [case(kind, positions, n_first), case(f"{kind}, going", moved, n_first)]
+
+
 def case(kind: str, positions: Floats, n_first: int) -> Case:
     """The cuts of a take."""
     is_seen = (~np.isnan(positions[:, :, 0])).sum(axis=0) >= LEAST_COMMON
-    found = bodies.cuts(bodies.marker_distances(positions[:, is_seen]))
+    found = bodies.cuts(bodies.marker_distances(positions[:, is_seen]), np.arange(is_seen.sum()))
     second = np.flatnonzero(is_seen) >= n_first
     between = (found.is_second == second).all(axis=1) | (found.is_second != second).all(axis=1)
     return Case(kind, found, between & (n_first < positions.shape[1]))

@@ -43,6 +43,11 @@ def test_two_who_stand_side_by_side_are_two_bodies_though_their_feet_keep_their_
     assert find_bodies(np.concatenate([first, beside], axis=1))[0].tolist() == [0] * 41 + [1] * 41
 
 
+def test_two_who_walk_through_the_room_together_are_two_bodies(two_people):
+    way = np.linspace(0.0, 6000.0, two_people.take.n_frames)[:, np.newaxis, np.newaxis] * np.array([0.0, 1.0, 0.0])
+    assert find_bodies(two_people.take.positions + way)[0].tolist() == [0] * 41 + [1] * 41
+
+
 def test_marker_that_is_rarely_seen_does_not_hide_that_there_are_two_bodies():
     positions = simulate("human", subjects=2, apart=1000.0, **OPTIONS | {"n_frames": 2000}).take.positions.copy()
     positions[:900, 3] = positions[912:, 3] = np.nan
