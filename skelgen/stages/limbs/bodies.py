@@ -199,8 +199,8 @@ def bodies_by_distances(distances: Distances, n_bodies: int = 0, parts: Ints | N
     """
     body = np.zeros(len(distances.far), dtype=np.intp) if parts is None else parts.copy()
     odds_of = [np.inf] * (int(body.max(initial=0)) + 1)
+    found = [_best_cut(np.flatnonzero(body == one), distances) for one in range(len(odds_of))]
     while len(odds_of) != n_bodies:
-        found = [_best_cut(np.flatnonzero(body == one), distances) for one in range(len(odds_of))]
         best = max(range(len(found)), key=lambda one: found[one][0])
         odds, second = found[best]
         if not np.isfinite(odds) or (odds <= 0.0 and not n_bodies):
@@ -208,6 +208,8 @@ def bodies_by_distances(distances: Distances, n_bodies: int = 0, parts: Ints | N
         body[second] = len(odds_of)
         odds_of[best] = min(odds_of[best], odds)
         odds_of.append(odds)
+        found[best], new = (_best_cut(np.flatnonzero(body == one), distances) for one in (best, len(found)))
+        found.append(new)
     _, first, number = np.unique(body, return_index=True, return_inverse=True)
     order = np.argsort(first)
     sure = 1.0 / (1.0 + np.exp(-np.array(odds_of)))
