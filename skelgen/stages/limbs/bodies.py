@@ -1,23 +1,23 @@
 """Which markers belong to one body, where a take shows several: people, animals, a person and a chair.
 
 Joined limbs have a place where they stay together: some marker of one stays near some marker of the other, at a
-distance that varies less than it would if both moved by themselves. Two bodies have no such place; feet that stand
-beside those of another person keep their distance, but so they would by themselves, and so do people who walk through
-the room together, beside what all have in common. Markers are joined to a tree, each step as short and as steady as it
-can be; every step parts the markers in two, and how likely these are two bodies depends on the pair of markers across
-that says most for one, beside the other steps of the tree. How much it says is learned. Markers of two people who come
-one after the other are never seen together: they are parted before, by the frames that they share.
+distance that hardly varies. Two bodies have no such place, or one that is none: feet that stand beside those of another
+person keep their distance, but so they would by themselves. Markers are joined to a tree, each step as short and as
+steady as it can be; every step parts the markers in two, and how likely these are two bodies depends on the pairs of
+markers across that say most for one, beside the other steps of the tree. How steady they are is seen in two ways, as
+bodies that go through a room together move little by themselves, and the likelier parts them. How much each says is
+learned. Markers of two people who come one after the other are never seen together: they are parted before, by the
+frames that they share.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 
 from skelgen.geometry.statistics import LEAST_COMMON, pair_distances
-from skelgen.kinematics.rigid_bodies import fit_shape
 from skelgen.model.arrays import Bools, Floats, Ints, evenly_spread
 from skelgen.progress import listed
 
@@ -33,8 +33,9 @@ LEAST_MARKERS = 5
 STEADY = 0.1
 """Part of the usual step that is added to deviations when the tree is made, so that very steady pairs are alike."""
 
-RIGID = 0.05
-"""Part of a long step that is added to deviations when cuts are compared: what moves less says little."""
+RIGID, STILL = 0.02, 0.05
+"""Parts of a long step: deviations below the first count as this much, and the second is added to them and to what
+markers move by themselves, when these are compared."""
 
 NEAR = 3.0
 """Power of the distance that counts with its deviation: the nearer markers are, the likelier a joint is the reason."""
@@ -46,8 +47,8 @@ LONG = 0.9
 """Quantile of the other steps of the tree that is taken as a long step; distances across a cut are compared with it."""
 
 # Learned by tests/benchmarks/learn_bodies.py
-BIAS = -2.83
-WEIGHT = 1.92
+BIASES = (-2.9, -2.09)
+WEIGHTS = ((1.289, 5.972, 0.0), (0.0, 0.0, 2.0))
 
 
 class Distances(NamedTuple):
@@ -59,14 +60,19 @@ class Distances(NamedTuple):
         Distance below which two markers usually stay.
     unsteady : ndarray, shape (n_markers, n_markers), mm
         Deviation of their distance.
-    spread_of : callable
-        Gives the variance of the places of some markers, beside each other, in the mean of the coordinates [mm^2]: the
-        distance of two that move by themselves has the variance of both together.
+    spread : ndarray, shape (n_markers,), mm^2
+        Variance of each marker's place in the room, in the mean of the coordinates: the distance of two markers that
+        move by themselves has the variance of both together.
     """
 
     far: Floats
     unsteady: Floats
-    spread_of: Callable[[Ints], Floats]
+    spread: Floats
+
+    def of(self, markers: Ints) -> Distances:
+        """Return those of some markers."""
+        block = np.ix_(markers, markers)
+        return Distances(self.far[block], self.unsteady[block], self.spread[markers])
 
 
 class Cuts(NamedTuple):
@@ -76,18 +82,19 @@ class Cuts(NamedTuple):
     ----------
     is_second : ndarray of bool, shape (n_cuts, n_markers)
         Which markers are in the second part.
-    least : ndarray, shape (n_cuts,)
-        Of the pair of markers across each cut that says most for one body: logarithm of its distance in long steps, to
-        the power `NEAR`, times its deviation as a part of that of markers that move by themselves.
+    features : ndarray, shape (n_cuts, 3)
+        Logarithms of the least values over all pairs of markers across each cut: of distance times deviation, and of
+        distance, in long steps; of distance to the power `NEAR` times deviation as a part of what it would be if both
+        moved by themselves.
     """
 
     is_second: Bools
-    least: Floats
+    features: Floats
 
     @property
     def odds(self) -> Floats:
         """Log odds that the two parts are two bodies, shape (n_cuts,)."""
-        return BIAS + WEIGHT * self.least
+        return np.asarray((np.array(BIASES) + self.features @ np.transpose(WEIGHTS)).max(axis=1))
 
 
 def seen_together(positions: Floats, n_bodies: int = 0) -> Ints:
@@ -197,7 +204,7 @@ def bodies_by_distances(distances: Distances, n_bodies: int = 0, parts: Ints | N
     body_of_marker, probability
         As of `find_bodies`.
     """
-    body = np.zeros(len(distances.far), dtype=np.intp) if parts is None else parts.copy()
+    body = np.zeros(len(distances.spread), dtype=np.intp) if parts is None else parts.copy()
     odds_of = [np.inf] * (int(body.max(initial=0)) + 1)
     found = [_best_cut(np.flatnonzero(body == one), distances) for one in range(len(odds_of))]
     while len(odds_of) != n_bodies:
@@ -263,44 +270,43 @@ def body_notices(body_of_marker: Ints, sure: Floats) -> Iterator[str]:
         )
 
 
-def cuts(distances: Distances, markers: Ints) -> Cuts:
+def cuts(distances: Distances) -> Cuts:
     """Return the ways to part markers in two along a tree of short and steady steps.
 
     Parameters
     ----------
     distances : Distances
         Of all markers.
-    markers : ndarray of intp, shape (n_markers,)
-        Which are parted.
     """
-    far, unsteady = (table[np.ix_(markers, markers)] for table in distances[:2])
-    n_markers, known = len(far), np.isfinite(far) & ~np.eye(len(far), dtype=np.bool_)
-    empty = Cuts(np.zeros((0, n_markers), dtype=np.bool_), np.zeros(0))
+    n_markers, unsteady = len(distances.spread), distances.unsteady
+    known = np.isfinite(distances.far) & ~np.eye(n_markers, dtype=np.bool_)
+    empty = Cuts(np.zeros((0, n_markers), dtype=np.bool_), np.zeros((0, 3)))
     if n_markers < 2 * LEAST_MARKERS or not known.any(axis=1).all():
         return empty
-    far, spread = np.maximum(far, TINY), distances.spread_of(markers)
-    alone = np.sqrt(spread[:, np.newaxis] + spread)
+    far = np.maximum(distances.far, TINY)
+    alone = np.sqrt(distances.spread[:, np.newaxis] + distances.spread)
     usual = float(np.median(np.where(known, far, np.inf).min(axis=1)))
     tree = _tree(np.where(known, far * np.hypot(unsteady, STEADY * usual), 0.0))
     if len(tree) < n_markers - 1:
         return empty
     steps = np.array([far[one, other] for one, other in tree])
-    parts, least = [], []
+    parts, features = [], []
     for index, second in enumerate(_branches(tree, n_markers)):
         if min(np.bincount(second, minlength=2)) < LEAST_MARKERS:
             continue
         across = np.ix_(~second, second)
         long = float(np.quantile(np.delete(steps, index), LONG))
-        shown = np.hypot(unsteady[across], RIGID * long) / np.hypot(alone[across], RIGID * long)
+        apart, wobble = far[across] / long, np.maximum(unsteady[across] / long, RIGID)
+        shown = np.hypot(unsteady[across], STILL * long) / np.hypot(alone[across], STILL * long)
         parts.append(second)
-        least.append(np.log(((far[across] / long) ** NEAR * shown).min()))
-    return Cuts(np.array(parts), np.array(least)) if parts else empty
+        features.append(np.log([(apart * wobble).min(), apart.min(), (apart**NEAR * shown).min()]))
+    return Cuts(np.array(parts), np.array(features)) if parts else empty
 
 
 def _best_cut(markers: Ints, distances: Distances) -> tuple[float, Ints]:
     """Log odds of the cut that most likely parts two bodies, and the markers of its second part."""
-    found = cuts(distances, markers)
-    if not len(found.least):
+    found = cuts(distances.of(markers))
+    if not len(found.features):
         return -np.inf, markers[:0]
     best = int(found.odds.argmax())
     return float(found.odds[best]), markers[found.is_second[best]]
@@ -321,20 +327,9 @@ def marker_distances(positions: Floats) -> Distances:
     far, unsteady = np.full((2, n_markers, n_markers), np.inf)
     for table, values in ((far, pairs.largest), (unsteady, pairs.deviation)):
         table[first, second] = table[second, first] = np.where(pairs.is_known, values, np.inf)
-    return Distances(far, unsteady, lambda markers: _spread(positions[:, markers]))
-
-
-def _spread(positions: Floats) -> Floats:
-    """Variance of places in the room, or beside the motion that all have in common, whichever is less [mm^2]."""
-    common = fit_shape(positions, np.arange(len(positions))).world_from_limb
-    beside = np.einsum("fji,fmj->fmi", common[:, :3, :3], positions - common[:, np.newaxis, :3, 3])
-    n_seen, found = (~np.isnan(positions[:, :, 0])).sum(axis=0), []
-    for places in (positions, beside):
-        n_known = (~np.isnan(places[:, :, 0])).sum(axis=0)
-        means = np.nansum(places, axis=0) / np.maximum(n_known, 1)[:, np.newaxis]
-        squares = np.nansum((places - means) ** 2, axis=(0, 2)) / (3.0 * np.maximum(n_known, 1))
-        found.append(np.where(2 * n_known >= n_seen, squares, np.inf))
-    return np.asarray(np.minimum(*found))
+    n_seen = np.maximum((~np.isnan(positions)).sum(axis=0), 1)
+    squares = np.nansum((positions - np.nansum(positions, axis=0) / n_seen) ** 2, axis=0) / n_seen
+    return Distances(far, unsteady, squares.mean(axis=1))
 
 
 def _looked_at(is_seen: Bools) -> Ints:

@@ -4,7 +4,7 @@ The 153 places are those of all sets together, and their usual distances to each
 (``tables/worn_places.npz``, made by tests/benchmarks/learn_sets.py), from people in any posture, whose markers miss
 their places as those of different examiners do (Della Croce et al., Gait & Posture 21 (2005) 226-237). A search begins
 with the sets that fit best and, where markers fit badly from there, with single markers at single places; where the
-best of these end, each arm and leg is sought anew. A place that is taken on one side is likely taken on the other, and
+best of these ends, each arm and leg is sought anew. A place that is taken on one side is likely taken on the other, and
 markers on one segment move as one limb.
 """
 
@@ -39,8 +39,9 @@ animals and trees one in two hundred has less, of people who lack half of their 
 SEARCHES, TRIED, LEADS = 4, 12, 5
 """Beginnings in each posture, how many postures are tried, and how often a search goes on from the best."""
 
-BEST, TURNS = 4, 2
-"""Ends of searches, the best, from which each limb is sought anew, and how often."""
+TURNS = 2
+"""How often each limb is sought anew from where the search ends; it goes on from the best end only, as from the fourth
+best a racing wheelchair passes for legs."""
 
 AT_NO_PLACE = 1.5
 """Cost of a marker that is at none of these places, in the search."""
@@ -103,8 +104,7 @@ def _beginnings(shape: Shape, sets: tuple[tuple[Match, WornSet], ...]) -> tuple[
     if cost >= GOOD:
         others = [min(matches(shape, posed, SEARCHES), key=_misfit) for posed in _places_in_postures()]
         tried = [_search(shape, start, silent) for start in sorted(others, key=_misfit)[:TRIED]]
-        ends = sorted([(best, cost), *tried], key=_cost)[:BEST]
-        best, cost = min((_with_limbs_anew(shape, _led_on(shape, [end])) for end in ends), key=_cost)
+        best, cost = _with_limbs_anew(shape, _led_on(shape, [(best, cost), *tried]))
     return (*starts, best) if cost < ACCEPTABLE else starts
 
 

@@ -220,7 +220,7 @@ def _bodies(record: DistanceRecord, members: Ints, spread: Floats) -> list[Ints]
     count, known = record.count[block], record.count[block] >= SEEN_ENOUGH
     deviation = np.sqrt(record.scatter[block] / np.maximum(count - 1.0, 1.0))
     far = np.where(known, record.mean[block] + NORMAL_FARTHEST * deviation, np.inf)
-    body, sure = bodies_by_distances(Distances(far, np.where(known, deviation, np.inf), spread[often].__getitem__))
+    body, sure = bodies_by_distances(Distances(far, np.where(known, deviation, np.inf), spread[often]))
     return [members] if len(sure) == 1 else [often[body == number] for number in range(len(sure))]
 
 
