@@ -9,10 +9,7 @@ from skelgen.simulation.parameters import SimulationParameters
 from skelgen.simulation.recorded import BoneParameters, RecordedBody, recorded_body
 from skelgen.simulation.structures import (
     STRUCTURE_NAMES,
-    classic_human,
     find_structure,
-    human,
-    quadruped,
     random_tree,
     rods_chain,
 )
@@ -29,10 +26,7 @@ __all__ = [
     "SimulationParameters",
     "Structure",
     "Truth",
-    "classic_human",
     "find_structure",
-    "human",
-    "quadruped",
     "random_tree",
     "read_truth",
     "recorded_body",
