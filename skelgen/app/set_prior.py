@@ -163,11 +163,7 @@ def _deviation(limbs: Limbs, placed: Mapping[int, str], marker: int, segment: st
 
 
 def with_tree(
-    project: Project,
-    topology: Topology,
-    constraints: JointConstraints,
-    limb_names: Sequence[str],
-    monitor: Monitor,
+    project: Project, topology: Topology, constraints: JointConstraints, limb_names: Sequence[str], monitor: Monitor
 ) -> JointConstraints | None:
     """Return constraints that join the limbs of a person as a recognised set has them, or None if they are joined so.
 

@@ -219,8 +219,7 @@ def room(
         str | None, typer.Option("--ground", metavar="SOURCE", help="Images of the L-frame on the floor.")
     ] = None,
     arms: Annotated[
-        str,
-        typer.Option("--arms", metavar="MM,MM", help="Arms of the L-frame, and the third side of other triangles."),
+        str, typer.Option("--arms", metavar="MM,MM", help="Arms of the L-frame, and the third side of other triangles.")
     ] = "600,400",
     board: Annotated[
         str | None,

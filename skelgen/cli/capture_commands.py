@@ -51,8 +51,7 @@ def motion_capture(
     errors: Annotated[bool, typer.Option("--errors", help="Write standard deviations behind all values.")] = False,
     predict: Annotated[bool, typer.Option("--predict", help="Predict and smooth poses (Kalman filter).")] = False,
     predict_joints: Annotated[
-        bool,
-        typer.Option("--predict-joints", help="The same for all joint angles together (extended Kalman filter)."),
+        bool, typer.Option("--predict-joints", help="The same for all joint angles together (extended Kalman filter).")
     ] = False,
     record: Annotated[
         list[Path] | None,

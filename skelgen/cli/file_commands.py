@@ -233,8 +233,7 @@ def report(
 def view(
     take: InputFile,
     output: Annotated[
-        Path | None,
-        typer.Option("--output", "-o", metavar="FILE", help="HTML file.", show_default="a temporary file"),
+        Path | None, typer.Option("--output", "-o", metavar="FILE", help="HTML file.", show_default="a temporary file")
     ] = None,
     format_name: FormatName = None,
     overwrite: Overwrite = False,

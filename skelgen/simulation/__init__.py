@@ -7,12 +7,7 @@ from skelgen.files import TRUTH_SUFFIX
 from skelgen.simulation.articulated import LimbModel, Structure, resized
 from skelgen.simulation.parameters import SimulationParameters
 from skelgen.simulation.recorded import BoneParameters, RecordedBody, recorded_body
-from skelgen.simulation.structures import (
-    STRUCTURE_NAMES,
-    find_structure,
-    random_tree,
-    rods_chain,
-)
+from skelgen.simulation.structures import STRUCTURE_NAMES, find_structure, random_tree, rods_chain
 from skelgen.simulation.take import SimulatedTake, simulate
 from skelgen.simulation.truth import Truth, read_truth, write_truth
 
