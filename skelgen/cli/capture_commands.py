@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Protocol
 
 import typer
 
-from skelgen.cli.options import AsJson, Quiet
+from skelgen.cli.options import AsJson, Quiet, option
 from skelgen.cli.screen import Screen, can_open_windows
 from skelgen.errors import InputError, ReaderGoneError
 
@@ -27,17 +27,11 @@ if TYPE_CHECKING:
     from skelgen.model.rig import AnySettings
 
 SettingsFile = Annotated[Path, typer.Argument(metavar="SETTINGS", help="Settings of the capture: an XML file.")]
-Source = Annotated[
-    str | None,
-    typer.Option("--source", metavar="TEXT", help="Where images come from.", show_default="that of the settings"),
-]
+Source = Annotated[str | None, option("--source", "TEXT", "Where images come from.", "that of the settings")]
 Frames = Annotated[
     int | None, typer.Option("--frames", min=1, help="Pairs at most, or sets in a room.", show_default="all")
 ]
-Output = Annotated[
-    Path | None,
-    typer.Option("--output", "-o", metavar="FILE", help="Settings to write.", show_default="those that were read"),
-]
+Output = Annotated[Path | None, option("--output -o", "FILE", "Settings to write.", "those that were read")]
 
 
 def motion_capture(
@@ -54,8 +48,7 @@ def motion_capture(
         bool, typer.Option("--predict-joints", help="The same for all joint angles together (extended Kalman filter).")
     ] = False,
     record: Annotated[
-        list[Path] | None,
-        typer.Option("--record", metavar="FILE", help="Record into a new .mfml or .c3d file; may be repeated."),
+        list[Path] | None, option("--record", "FILE", "Record into a new .mfml or .c3d file; may be repeated.")
     ] = None,
     source: Source = None,
     frames: Frames = None,
@@ -194,27 +187,24 @@ def calibrate_joints(
     settings: SettingsFile,
     joints: Annotated[
         list[str] | None,
-        typer.Option(
+        option(
             "--joint",
-            metavar="NAME=PARENT:CHILD[:KIND]",
-            help="A joint between two targets, a ball or a hinge; may be repeated.",
-            show_default="joints and types are found",
+            "NAME=PARENT:CHILD[:KIND]",
+            "A joint between two targets, a ball or a hinge; may be repeated.",
+            "joints and types are found",
         ),
     ] = None,
     start: Annotated[
         list[str] | None,
-        typer.Option(
+        option(
             "--start",
-            metavar="NAME=X,Y,Z:X,Y,Z",
-            help="Where the search for a joint begins, in mm in its parent and its child; may be repeated.",
-            show_default="the closed form",
+            "NAME=X,Y,Z:X,Y,Z",
+            "Where the search for a joint begins, in mm in its parent and its child; may be repeated.",
+            "the closed form",
         ),
     ] = None,
     use_frames: Annotated[
-        str | None,
-        typer.Option(
-            "--use-frames", metavar="N or I,J,...", help="So many frames, evenly spaced, or these.", show_default="all"
-        ),
+        str | None, option("--use-frames", "N or I,J,...", "So many frames, evenly spaced, or these.", "all")
     ] = None,
     source: Source = None,
     frames: Frames = None,
