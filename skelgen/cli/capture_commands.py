@@ -18,13 +18,9 @@ from skelgen.cli.screen import Screen, can_open_windows
 from skelgen.errors import InputError, ReaderGoneError
 
 if TYPE_CHECKING:
-    from collections.abc import Generator
-
-    from skelgen.capture.bodies.prediction import PredictionParameters
     from skelgen.capture.live import Captured
     from skelgen.capture.room.live import RoomCaptured
     from skelgen.capture.values import JointRequest
-    from skelgen.model.rig import AnySettings
 
 SettingsFile = Annotated[Path, typer.Argument(metavar="SETTINGS", help="Settings of the capture: an XML file.")]
 Source = Annotated[str | None, option("--source", "TEXT", "Where images come from.", "that of the settings")]
@@ -54,6 +50,7 @@ def motion_capture(
     frames: Frames = None,
 ) -> None:
     """Capture live, with two cameras or a room's: write poses and joint angles of every moment, tab-separated."""
+    from skelgen.app.capture import any_source_of, capture
     from skelgen.app.room import read_rig_settings
     from skelgen.capture.bodies.prediction import PredictionParameters
     from skelgen.cli.capture_terminal import CaptureColumns, watched_interrupt, watched_keys
@@ -62,7 +59,7 @@ def motion_capture(
     rig = read_rig_settings(settings)
     columns = CaptureColumns(rig, poses=not no_poses, angles=not no_angles, errors=errors)
     prediction = PredictionParameters(joints=predict_joints) if predict or predict_joints else None
-    stream = _stream(rig, source, record or [], prediction, frames)
+    stream = capture(rig, any_source_of(rig, source), record or (), prediction, frames)
     word, cameras = ("sets of images", rig.rig.names) if isinstance(rig, RoomSettings) else ("pairs", ())
     counts = _Counts(record or [], [body.name for body in rig.bodies], word)
     try:
@@ -87,23 +84,6 @@ def motion_capture(
             raise  # else it is the usual end of a live capture: what was recorded is closed
     finally:
         counts.say(silent)
-
-
-def _stream(
-    rig: AnySettings,
-    source: str | None,
-    record: Sequence[Path],
-    prediction: PredictionParameters | None,
-    n_frames: int | None,
-) -> Generator[Captured | RoomCaptured, None, None]:
-    """Return a running capture, with two cameras or with those of a room."""
-    from skelgen.app.capture import capture, source_of
-    from skelgen.app.room import capture_room, room_source_of
-    from skelgen.model.rig import RoomSettings
-
-    if isinstance(rig, RoomSettings):
-        return capture_room(rig, room_source_of(rig, source), record, prediction, n_frames=n_frames)
-    return capture(rig, source_of(rig, source), record, prediction, n_frames=n_frames)
 
 
 def _report(captured: Captured | RoomCaptured, residuals: str) -> None:
