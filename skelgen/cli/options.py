@@ -223,8 +223,8 @@ def _option(name: str, kind: type, text: str, default: object, panel: str) -> in
     flag = "--" + name.replace("_", "-")
     flags = f"{flag}/--no-{flag[2:]}" if kind is bool else flag
     shown = "none" if default is None else str(default) or "empty"
-    option = typer.Option(None, flags, help=text, show_default=shown, rich_help_panel=panel)
-    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=option, annotation=kind | None)
+    declared = typer.Option(None, flags, help=text, show_default=shown, rich_help_panel=panel)
+    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=declared, annotation=kind | None)
 
 
 def _help(entry: Declaration) -> str:
