@@ -101,10 +101,7 @@ def write_limbs(value: Writable, path: Path) -> list[Path]:
     project = _project(value, _LIMBS_TITLE)
     called = [*map(defused, project.limbs.names), ""]  # the last one is for -1
     found = zip(map(defused, project.trajectories.names), project.limbs.limb_of_marker.tolist(), strict=True)
-    with (
-        replacing(path) as temporary,
-        temporary.open("w", newline="", encoding="utf-8", errors="replace") as stream,
-    ):
+    with replacing(path) as temporary, temporary.open("w", newline="", encoding="utf-8", errors="replace") as stream:
         rows = csv.writer(stream, lineterminator="\n")
         rows.writerow(LIMB_COLUMNS)
         rows.writerows((marker, limb, called[limb]) for marker, limb in found)

@@ -1,4 +1,4 @@
-"""A stereo capture from settings and a source: run live, recorded, and used to calibrate.
+"""A capture, with two cameras or those of a room, from settings and a source: live, recorded, used to calibrate.
 
 A calibration is written into a settings file beside what stands there.
 
@@ -10,13 +10,13 @@ from contextlib import ExitStack, closing
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from skelgen_formats.capture_settings import read_settings, write_settings
 
 from skelgen.app.recording import Recording, check_recording
-from skelgen.app.room import capture_room, read_rig_settings, room_source_of
+from skelgen.app.room import read_rig_settings, room_source_of
 from skelgen.capture.bodies import BodyFinder, check_targets
 from skelgen.capture.bodies.prediction import PredictionParameters
 from skelgen.capture.calibration.body import BodyCalibration, calibrate_body
@@ -29,6 +29,7 @@ from skelgen.model.rig import AnySettings, CameraRig, CaptureSettings, RoomSetti
 from skelgen.progress import SILENT, Monitor, with_progress
 
 if TYPE_CHECKING:
+    from skelgen.capture.room.live import RoomCapture, RoomCaptured
     from skelgen.capture.room.values import RoomSource
 
 
@@ -75,26 +76,26 @@ def any_source_of(settings: AnySettings, text: str | None = None) -> "FrameSourc
 
 
 def capture(
-    settings: CaptureSettings,
-    source: FrameSource,
+    settings: AnySettings,
+    source: "FrameSource | RoomSource",
     record: Sequence[Path] = (),
     prediction: PredictionParameters | None = None,
     n_frames: int | None = None,
-) -> Generator[Captured, None, None]:
-    """Run a capture; closing the iterator ends it cleanly.
+) -> "Generator[Captured | RoomCaptured, None, None]":
+    """Run a capture with two cameras or with those of a room; closing the iterator ends it cleanly.
 
     Parameters
     ----------
-    settings : CaptureSettings
+    settings : CaptureSettings or RoomSettings
         Cameras, targets, joints.
-    source : FrameSource
+    source : FrameSource or RoomSource
         Not yet entered.
     record : sequence of Path
         Files that are recorded while it runs, with the suffixes of `RECORDINGS`.
     prediction : PredictionParameters, optional
         Predict and smooth poses.
     n_frames : int, optional
-        Pairs at most.
+        Pairs, or sets in a room, at most.
 
     Raises
     ------
@@ -105,13 +106,21 @@ def capture(
     for path in record:
         check_recording(path, settings)
     with ExitStack() as stack:
-        live = stack.enter_context(MotionCapture(settings, prediction))
-        pairs = stack.enter_context(source)
+        live: Any = stack.enter_context(_live(settings, prediction))
+        pairs: Any = stack.enter_context(source)
         recordings = [stack.enter_context(Recording(path, settings, source.rate)) for path in record]
         for captured in live.run(islice(pairs, n_frames)):
             for recording in recordings:
                 recording.add(captured)
             yield captured
+
+
+def _live(settings: AnySettings, prediction: PredictionParameters | None) -> "MotionCapture | RoomCapture":
+    if isinstance(settings, RoomSettings):
+        from skelgen.capture.room.live import RoomCapture  # noqa: PLC0415 - loads kernels
+
+        return RoomCapture(settings, prediction)
+    return MotionCapture(settings, prediction)
 
 
 def calibrate_body_of(
@@ -263,7 +272,7 @@ def _points_in_room(
 ) -> list[StereoPoints]:
     found, notices = [], list[str]()
     total = min(count for count in (n_frames, source.n_frames, 10**9) if count is not None)
-    with closing(capture_room(replace(settings, bodies=(), joints=()), source, n_frames=n_frames)) as stream:
+    with closing(capture(replace(settings, bodies=(), joints=()), source, n_frames=n_frames)) as stream:
         for captured in with_progress(stream, total, monitor):
             found.append(captured.points)
             notices += captured.notices

@@ -20,9 +20,8 @@ from typing import TYPE_CHECKING
 
 from skelgen.app.configuration import ParameterValues, Settings
 from skelgen.app.constraints import RunOptions
-from skelgen.app.corrections import with_correction, with_places
+from skelgen.app.corrections import with_correction, with_identities, with_places
 from skelgen.app.files import NamedFile, open_input
-from skelgen.app.identities import with_identities
 from skelgen.app.inputs import with_checked_arguments
 from skelgen.app.pipeline import run_stages
 from skelgen.app.project_file.archive import find_result, open_project

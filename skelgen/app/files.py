@@ -12,7 +12,7 @@ from skelgen_formats.lines import Sample
 from skelgen_formats.options import Format, Option
 
 from skelgen.app.bodies import body_files
-from skelgen.app.identities import with_identities
+from skelgen.app.corrections import with_identities
 from skelgen.app.inputs import with_checked_arguments
 from skelgen.app.limb_names import with_segment_names
 from skelgen.app.outputs import check_outputs, files_of, recording_of

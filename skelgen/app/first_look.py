@@ -20,14 +20,7 @@ _BODY_MM = (300.0, 3000.0)  # what most bodies span
 _SMALLEST_MM, _LARGEST_MM = 20.0, 20_000.0  # extents of what people record, from a hand to a hall
 _KEYPOINTS = {
     "keypoints of COCO or MediaPipe": ("nose", "left_shoulder", "right_shoulder", "left_hip", "right_hip", "left_knee"),
-    "keypoints of OpenPose, Pose2Sim or OpenCap": (
-        "Neck",
-        "RShoulder",
-        "LShoulder",
-        "RHip",
-        "LHip",
-        "RKnee",
-    ),
+    "keypoints of OpenPose, Pose2Sim or OpenCap": ("Neck", "RShoulder", "LShoulder", "RHip", "LHip", "RKnee"),
 }
 _MOST_OF_SUIT = 0.75
 _APART = re.compile(r"[^a-z0-9]")

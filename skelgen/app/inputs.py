@@ -272,23 +272,17 @@ _P = ParamSpec("_P")
 _R = TypeVar("_R")
 
 _KINDS: Mapping[str, tuple[type, ...]] = {
-    "format": (str,),
+    **dict.fromkeys(("format", "kind", "root"), (str,)),
+    **dict.fromkeys(("joined", "names", "parted", "takes"), (Iterable,)),
+    **dict.fromkeys(("output", "path"), (Path, str)),
+    "frames": (Sequence,),
     "identities": (Identities, Path, str),
     "index": (int,),
     "inputs": (Iterable, Path, str),
-    "joined": (Iterable,),
-    "kind": (str,),
     "monitor": (Monitor,),
-    "names": (Iterable,),
-    "output": (Path, str),
-    "parted": (Iterable,),
-    "path": (Path, str),
     "project": (Project,),
-    "root": (str,),
-    "frames": (Sequence,),
     "subject": (Project, Path, str, Sequence),
     "take": (PointCloud, Trajectories, Poses, Project),
-    "takes": (Iterable,),
 }
 """Types of arguments that no value checks when it is made."""
 

@@ -1,11 +1,9 @@
-"""A room with many cameras: its settings, its calibration with a wand, its capture."""
+"""A room with many cameras: its settings, its source of images, its calibration with a wand or a board."""
 
 import time
-from collections.abc import Generator, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack
 from dataclasses import dataclass, replace
-from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,10 +14,8 @@ from skelgen.model.rig import CaptureSettings, RoomSettings
 from skelgen.progress import SILENT, Monitor
 
 if TYPE_CHECKING:
-    from skelgen.capture.bodies.prediction import PredictionParameters
     from skelgen.capture.room.boards import AnyBoard
     from skelgen.capture.room.calibrate import WandCalibration
-    from skelgen.capture.room.live import RoomCaptured
     from skelgen.capture.room.values import RoomSource
 
 NOTICE_EVERY = 10.0
@@ -191,37 +187,3 @@ def save_room(settings: RoomSettings, path: Path) -> None:
     """
     before = read_rig_settings(path) if path.exists() else None
     write_settings(replace(before, rig=settings.rig) if isinstance(before, RoomSettings) else settings, path)
-
-
-def capture_room(
-    settings: RoomSettings,
-    source: "RoomSource",
-    record: Sequence[Path] = (),
-    prediction: "PredictionParameters | None" = None,
-    n_frames: int | None = None,
-) -> "Generator[RoomCaptured, None, None]":
-    """Run a capture of a room; closing the iterator ends it cleanly.
-
-    Parameters
-    ----------
-    settings : RoomSettings
-        Cameras, targets, joints.
-    source : RoomSource
-        Not yet entered.
-    record : sequence of Path
-        Files that are recorded while it runs.
-    prediction : PredictionParameters, optional
-        Predict and smooth poses.
-    n_frames : int, optional
-        Sets of images at most.
-    """
-    from skelgen.app.recording import Recording  # noqa: PLC0415 - loads kernels
-    from skelgen.capture.room.live import RoomCapture  # noqa: PLC0415
-
-    with ExitStack() as stack:
-        recordings = [stack.enter_context(Recording(path, settings, source.rate)) for path in record]
-        live = stack.enter_context(RoomCapture(settings, prediction))
-        for captured in live.run(islice(stack.enter_context(source), n_frames)):
-            for recording in recordings:
-                recording.add(captured)
-            yield captured

@@ -6,15 +6,17 @@ window does so in a process of its own while the user opens a first file.
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 from skelgen.errors import InputError
+from skelgen.marker_sets import read_table
 from skelgen.model import Project
 from skelgen.parameters import ParameterValue
 
 __all__ = ["SAMPLES", "SampleTake", "compile_ahead", "open_sample"]
 
-_FAULTS = {"noise": 0.3, "dropouts": 0.01}
+_TABLES = Path(__file__).parents[1] / "simulation" / "tables"
 _SHORT = 60  # frames, of the takes that are run to compile
 _NICENESS = 10  # work ahead gives way to the user's
 
@@ -39,35 +41,10 @@ class SampleTake:
     title: str
     about: str
     structure: str
-    options: Mapping[str, ParameterValue] = field(default_factory=dict)
+    options: Mapping[str, ParameterValue]
 
 
-SAMPLES = (
-    SampleTake(
-        "person",
-        "A person who walks",
-        "Markers with names, as a gait laboratory records them, with soft tissue and some gaps",
-        "human",
-        {"n_frames": 600, "motion": "walk", "marker_set": "plug-in-gait", "soft_tissue": "realistic", **_FAULTS},
-    ),
-    SampleTake(
-        "machine", "A machine", "Three rods on joints, with exact markers", "rods", {"n_frames": 600, "noise": 0.1}
-    ),
-    SampleTake(
-        "animal",
-        "An animal",
-        "A body on four legs, with markers on all limbs",
-        "quadruped",
-        {"n_frames": 600, **_FAULTS},
-    ),
-    SampleTake(
-        "unlabelled",
-        "Points without names",
-        "A person who squats, as cameras see it: points in each frame, some of them false",
-        "human",
-        {"n_frames": 500, "motion": "squat", "marker_set": "helen-hayes", "labelled": False, "ghosts": 0.2, **_FAULTS},
-    ),
-)
+SAMPLES = tuple(SampleTake(**row) for row in read_table("samples", _TABLES)["samples"])
 """All samples, in the order in which they are offered."""
 
 

@@ -163,11 +163,7 @@ def _deviation(limbs: Limbs, placed: Mapping[int, str], marker: int, segment: st
 
 
 def with_tree(
-    project: Project,
-    topology: Topology,
-    constraints: JointConstraints,
-    limb_names: Sequence[str],
-    monitor: Monitor,
+    project: Project, topology: Topology, constraints: JointConstraints, limb_names: Sequence[str], monitor: Monitor
 ) -> JointConstraints | None:
     """Return constraints that join the limbs of a person as a recognised set has them, or None if they are joined so.
 
@@ -184,6 +180,8 @@ def with_tree(
     monitor : Monitor
         Receives a notice of joints that the data refuse.
     """
+    from networkx.utils import UnionFind  # noqa: PLC0415 - loaded where a tree is found
+
     wanted = joints_of_person(limb_names, project.limbs)
     names = [name.rstrip("0123456789 ") for name in limb_names]
     found = {frozenset((names[one], names[other])) for one, other in topology.edges.tolist()}
@@ -196,22 +194,16 @@ def with_tree(
         for (one, other), p in zip(topology.edges.tolist(), probability.tolist(), strict=True)
         if p >= (_OVERRULES if (min(one, other), max(one, other)) in wanted else _OVERRULES_JOINT)
     ]
-    group = list(range(len(names)))
-
-    def of(limb: int) -> int:
-        while group[limb] != limb:
-            limb = group[limb]
-        return limb
-
-    for one, other in [*sure, *constraints.joined]:
-        group[of(one)] = of(other)
+    trees = UnionFind()
+    for pair in (*sure, *constraints.joined):
+        trees.union(*pair)
     missing = [pair for pair in missing if project.limbs.body_of_limb[pair[0]] == project.limbs.body_of_limb[pair[1]]]
     taken, refused = [], []
     for pair in missing:
-        if of(pair[0]) == of(pair[1]) or pair in constraints.parted:
+        if trees[pair[0]] == trees[pair[1]] or pair in constraints.parted:
             refused.append(f"{names[pair[0]]} and {names[pair[1]]}")
         else:
-            group[of(pair[0])] = of(pair[1])
+            trees.union(*pair)
             taken.append(pair)
     if refused:
         monitor.notice(f"unlike in a person, these limbs are surely not joined: {', '.join(refused)}")

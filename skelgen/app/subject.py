@@ -38,13 +38,7 @@ from skelgen.stages.labels import (
     labelling_of_markers,
     pose_skeleton,
 )
-from skelgen.stages.subject import (
-    SensorShift,
-    SubjectFit,
-    find_moved_sensors,
-    fit_subject,
-    subject_motion,
-)
+from skelgen.stages.subject import SensorShift, SubjectFit, find_moved_sensors, fit_subject, subject_motion
 
 
 @with_checked_arguments

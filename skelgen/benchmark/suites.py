@@ -87,10 +87,13 @@ def run_benchmark(
     done = {section.name: section for section in known}
     wanted = _chosen(names)
     missing = [name for name in wanted if name not in done]
-    whole = _Whole(missing, monitor)
+    total, before = sum(SECONDS[name] for name in missing), 0
+    monitor.begin("percent")
     with threadpool_limits(limits=1):
         for name in missing:
-            done[name] = _measured(name, suites[name], QUICK if quick else Effort(), whole.part(name))
+            part = _Part(monitor, 100.0 * before / total, 100.0 * SECONDS[name] / total)
+            done[name] = _measured(name, suites[name], QUICK if quick else Effort(), part)
+            before += SECONDS[name]
             arrived([done[one] for one in wanted if one in done])
     return [done[name] for name in wanted]
 
@@ -166,22 +169,8 @@ def _measured(name: str, suite: Suite, effort: Effort, monitor: Monitor) -> Sect
         return Section(name, name.capitalize(), f"Not measured: {error}.", ())
 
 
-class _Whole:
-    """Progress of the whole benchmark in percent, each suite by what it usually takes."""
-
-    def __init__(self, names: Sequence[str], monitor: Monitor) -> None:
-        self._monitor, self._names = monitor, names
-        self._total = sum(SECONDS[name] for name in names)
-        monitor.begin("percent")
-
-    def part(self, name: str) -> Monitor:
-        """Return the monitor of one suite."""
-        before = sum(SECONDS[one] for one in self._names[: self._names.index(name)])
-        return _Part(self._monitor, 100.0 * before / self._total, 100.0 * SECONDS[name] / self._total)
-
-
 class _Part:
-    """Progress of one suite, as part of the whole."""
+    """Progress of one suite, as percent of the whole benchmark by what each usually takes."""
 
     def __init__(self, monitor: Monitor, first: float, share: float) -> None:
         self._monitor, self._first, self._share = monitor, first, share

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from skelgen.cli.options import AsJson, Overwrite, Quiet, given, parameter_options
+from skelgen.cli.options import AsJson, Overwrite, Quiet, given, option, parameter_options
 from skelgen.cli.screen import Screen, show_files
 from skelgen.errors import ParameterError
 from skelgen.parameters import ParameterValue
@@ -24,14 +24,11 @@ if TYPE_CHECKING:
     from skelgen.model.takes import BoneMotion
     from skelgen.simulation import RecordedBody
 
-PageFile = Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="The page to write, HTML.")]
+PageFile = Annotated[Path, option("--output -o", "FILE", "The page to write, HTML.")]
 Suites = Annotated[
     list[str] | None,
-    typer.Option(
-        "--suite",
-        metavar="NAME",
-        help="labels, exact, joints, tissue, people, stereo, exports or speed; may be repeated.",
-        show_default="all",
+    option(
+        "--suite", "NAME", "labels, exact, joints, tissue, people, stereo, exports or speed; may be repeated.", "all"
     ),
 ]
 Quick = Annotated[bool, typer.Option("--quick", help="Fewer seeds and frames: two to three minutes.")]
@@ -118,11 +115,11 @@ def _motion_option(flag: str, metavar: str, text: str, default: str | bool) -> A
 
 MotionFile = Annotated[
     Path | None,
-    typer.Option(
+    option(
         "--motion",
-        metavar="walk|run|squat|reach|jump|FILE",
-        help="How a human moves; or, instead of a STRUCTURE, a file of bones and how they moved (BVH, AMC).",
-        show_default="at random",
+        "walk|run|squat|reach|jump|FILE",
+        "How a human moves; or, instead of a STRUCTURE, a file of bones and how they moved (BVH, AMC).",
+        "at random",
     ),
 ]
 MotionSkeleton = Annotated[
@@ -138,7 +135,7 @@ MotionRate = Annotated[
 
 
 def simulate(
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="Take to write, in any format.")],
+    output: Annotated[Path, option("--output -o", "FILE", "Take to write, in any format.")],
     structure: Annotated[
         str | None, typer.Argument(metavar="[STRUCTURE]", help="What moves: rods, human, quadruped, tree:8.")
     ] = None,

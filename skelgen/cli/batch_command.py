@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from skelgen.cli import options
+from skelgen.cli.options import option
 from skelgen.cli.screen import Screen
 from skelgen.cli.stage_commands import Assignments, UntilStage, hierarchy_in, refuse_beside_skeleton
 from skelgen.errors import ParameterError
@@ -23,32 +24,22 @@ EXIT_ALL_FAILED = 2
 Inputs = Annotated[
     list[str], typer.Argument(metavar="IN...", help="Takes, folders of takes, and patterns in quotes: 'in/**/*.c3d'.")
 ]
-BatchFolder = Annotated[
-    Path, typer.Option("--output", "-o", metavar="FOLDER", help="Folder of the batch; each take gets a folder in it.")
-]
+BatchFolder = Annotated[Path, option("--output -o", "FOLDER", "Folder of the batch; each take gets a folder in it.")]
 Resume = Annotated[
     bool, typer.Option("--resume", help="Continue a batch: takes that are finished in its folder are kept.")
 ]
 Processes = Annotated[int, typer.Option("--jobs", "-j", min=1, help="Takes at a time on this machine.")]
 Timeout = Annotated[
-    float | None,
-    typer.Option(
-        "--timeout", metavar="SECONDS", help="Give up a take that is not done after this time.", show_default="none"
-    ),
+    float | None, option("--timeout", "SECONDS", "Give up a take that is not done after this time.", "none")
 ]
-Scheduler = Annotated[
-    str | None,
-    typer.Option(
-        "--scheduler", metavar="ADDRESS", help="Use a dask cluster: tcp://127.0.0.1:8786.", show_default="none"
-    ),
-]
+Scheduler = Annotated[str | None, option("--scheduler", "ADDRESS", "Use a dask cluster: tcp://127.0.0.1:8786.", "none")]
 Formats = Annotated[
     list[str] | None,
-    typer.Option(
+    option(
         "--to",
-        metavar="NAME",
-        help="Write this format of every take too, or `report`; may be repeated.",
-        show_default="project, markers, limbs, joints, angles, picture",
+        "NAME",
+        "Write this format of every take too, or `report`; may be repeated.",
+        "project, markers, limbs, joints, angles, picture",
     ),
 ]
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from skelgen.cli.options import AsJson, Calibrated, Config, FormatName, Methods, Overwrite, Quiet, Seed, Square
+from skelgen.cli.options import AsJson, Calibrated, Config, FormatName, Methods, Overwrite, Quiet, Seed, Square, option
 from skelgen.cli.screen import Screen, show_results
 from skelgen.errors import InputError
 
@@ -28,7 +28,7 @@ def stereo(
     images: Annotated[
         list[Path], typer.Argument(metavar="LEFT... RIGHT...", help="All left images, then all right ones.")
     ],
-    board: Annotated[str, typer.Option("--board", metavar="9x6", help="Inner corners of the chessboard.")] = "9x6",
+    board: Annotated[str, option("--board", "9x6", "Inner corners of the chessboard.")] = "9x6",
     square: Square = 25.0,
     lens: Annotated[str, typer.Option("--lens", help="Lens model: auto, radial, tangential or full.")] = "auto",
     output: Calibrated = SETTINGS,
@@ -171,9 +171,7 @@ STEM = "skeleton"
 
 def skeleton(
     takes: Annotated[list[Path], typer.Argument(metavar="TAKE...", help="Takes of one body, in any known format.")],
-    output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="FOLDER", help="Folder: the skeleton, and a folder for each take.")
-    ],
+    output: Annotated[Path, option("--output -o", "FOLDER", "Folder: the skeleton, and a folder for each take.")],
     seed: Seed = None,
     config: Config = None,
     methods: Methods = None,
@@ -213,23 +211,17 @@ ROOM_SETTINGS = Path("room.xml")
 def room(
     source: Annotated[str, typer.Argument(metavar="SOURCE", help="Where the images of the waved wand come from.")],
     wand: Annotated[
-        str, typer.Option("--wand", metavar="MM,MM,MM", help="Where its two or three balls are along the wand.")
+        str, option("--wand", "MM,MM,MM", "Where its two or three balls are along the wand.")
     ] = "0,180,500",
-    ground: Annotated[
-        str | None, typer.Option("--ground", metavar="SOURCE", help="Images of the L-frame on the floor.")
-    ] = None,
+    ground: Annotated[str | None, option("--ground", "SOURCE", "Images of the L-frame on the floor.")] = None,
     arms: Annotated[
-        str,
-        typer.Option("--arms", metavar="MM,MM", help="Arms of the L-frame, and the third side of other triangles."),
+        str, option("--arms", "MM,MM", "Arms of the L-frame, and the third side of other triangles.")
     ] = "600,400",
     board: Annotated[
-        str | None,
-        typer.Option("--board", metavar="9x6", help="A chessboard instead of the wand, or charuco:10x7:4X4_50."),
+        str | None, option("--board", "9x6", "A chessboard instead of the wand, or charuco:10x7:4X4_50.")
     ] = None,
     square: Square = 25.0,
-    marker: Annotated[
-        float | None, typer.Option("--marker", metavar="MM", help="Side of a marker, else 3/4 of a square.")
-    ] = None,
+    marker: Annotated[float | None, option("--marker", "MM", "Side of a marker, else 3/4 of a square.")] = None,
     output: Calibrated = ROOM_SETTINGS,
     quiet: Quiet = False,
     as_json: AsJson = False,

@@ -13,31 +13,21 @@ from typing import TYPE_CHECKING, Annotated, Protocol
 
 import typer
 
-from skelgen.cli.options import AsJson, Quiet
+from skelgen.cli.options import AsJson, Quiet, option
 from skelgen.cli.screen import Screen, can_open_windows
 from skelgen.errors import InputError, ReaderGoneError
 
 if TYPE_CHECKING:
-    from collections.abc import Generator
-
-    from skelgen.capture.bodies.prediction import PredictionParameters
     from skelgen.capture.live import Captured
     from skelgen.capture.room.live import RoomCaptured
     from skelgen.capture.values import JointRequest
-    from skelgen.model.rig import AnySettings
 
 SettingsFile = Annotated[Path, typer.Argument(metavar="SETTINGS", help="Settings of the capture: an XML file.")]
-Source = Annotated[
-    str | None,
-    typer.Option("--source", metavar="TEXT", help="Where images come from.", show_default="that of the settings"),
-]
+Source = Annotated[str | None, option("--source", "TEXT", "Where images come from.", "that of the settings")]
 Frames = Annotated[
     int | None, typer.Option("--frames", min=1, help="Pairs at most, or sets in a room.", show_default="all")
 ]
-Output = Annotated[
-    Path | None,
-    typer.Option("--output", "-o", metavar="FILE", help="Settings to write.", show_default="those that were read"),
-]
+Output = Annotated[Path | None, option("--output -o", "FILE", "Settings to write.", "those that were read")]
 
 
 def motion_capture(
@@ -51,17 +41,16 @@ def motion_capture(
     errors: Annotated[bool, typer.Option("--errors", help="Write standard deviations behind all values.")] = False,
     predict: Annotated[bool, typer.Option("--predict", help="Predict and smooth poses (Kalman filter).")] = False,
     predict_joints: Annotated[
-        bool,
-        typer.Option("--predict-joints", help="The same for all joint angles together (extended Kalman filter)."),
+        bool, typer.Option("--predict-joints", help="The same for all joint angles together (extended Kalman filter).")
     ] = False,
     record: Annotated[
-        list[Path] | None,
-        typer.Option("--record", metavar="FILE", help="Record into a new .mfml or .c3d file; may be repeated."),
+        list[Path] | None, option("--record", "FILE", "Record into a new .mfml or .c3d file; may be repeated.")
     ] = None,
     source: Source = None,
     frames: Frames = None,
 ) -> None:
     """Capture live, with two cameras or a room's: write poses and joint angles of every moment, tab-separated."""
+    from skelgen.app.capture import any_source_of, capture
     from skelgen.app.room import read_rig_settings
     from skelgen.capture.bodies.prediction import PredictionParameters
     from skelgen.cli.capture_terminal import CaptureColumns, watched_interrupt, watched_keys
@@ -70,7 +59,7 @@ def motion_capture(
     rig = read_rig_settings(settings)
     columns = CaptureColumns(rig, poses=not no_poses, angles=not no_angles, errors=errors)
     prediction = PredictionParameters(joints=predict_joints) if predict or predict_joints else None
-    stream = _stream(rig, source, record or [], prediction, frames)
+    stream = capture(rig, any_source_of(rig, source), record or (), prediction, frames)
     word, cameras = ("sets of images", rig.rig.names) if isinstance(rig, RoomSettings) else ("pairs", ())
     counts = _Counts(record or [], [body.name for body in rig.bodies], word)
     try:
@@ -95,23 +84,6 @@ def motion_capture(
             raise  # else it is the usual end of a live capture: what was recorded is closed
     finally:
         counts.say(silent)
-
-
-def _stream(
-    rig: AnySettings,
-    source: str | None,
-    record: Sequence[Path],
-    prediction: PredictionParameters | None,
-    n_frames: int | None,
-) -> Generator[Captured | RoomCaptured, None, None]:
-    """Return a running capture, with two cameras or with those of a room."""
-    from skelgen.app.capture import capture, source_of
-    from skelgen.app.room import capture_room, room_source_of
-    from skelgen.model.rig import RoomSettings
-
-    if isinstance(rig, RoomSettings):
-        return capture_room(rig, room_source_of(rig, source), record, prediction, n_frames=n_frames)
-    return capture(rig, source_of(rig, source), record, prediction, n_frames=n_frames)
 
 
 def _report(captured: Captured | RoomCaptured, residuals: str) -> None:
@@ -195,27 +167,24 @@ def calibrate_joints(
     settings: SettingsFile,
     joints: Annotated[
         list[str] | None,
-        typer.Option(
+        option(
             "--joint",
-            metavar="NAME=PARENT:CHILD[:KIND]",
-            help="A joint between two targets, a ball or a hinge; may be repeated.",
-            show_default="joints and types are found",
+            "NAME=PARENT:CHILD[:KIND]",
+            "A joint between two targets, a ball or a hinge; may be repeated.",
+            "joints and types are found",
         ),
     ] = None,
     start: Annotated[
         list[str] | None,
-        typer.Option(
+        option(
             "--start",
-            metavar="NAME=X,Y,Z:X,Y,Z",
-            help="Where the search for a joint begins, in mm in its parent and its child; may be repeated.",
-            show_default="the closed form",
+            "NAME=X,Y,Z:X,Y,Z",
+            "Where the search for a joint begins, in mm in its parent and its child; may be repeated.",
+            "the closed form",
         ),
     ] = None,
     use_frames: Annotated[
-        str | None,
-        typer.Option(
-            "--use-frames", metavar="N or I,J,...", help="So many frames, evenly spaced, or these.", show_default="all"
-        ),
+        str | None, option("--use-frames", "N or I,J,...", "So many frames, evenly spaced, or these.", "all")
     ] = None,
     source: Source = None,
     frames: Frames = None,

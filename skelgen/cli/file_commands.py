@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from skelgen.cli.accuracy_commands import RIG, evaluate_rig
-from skelgen.cli.options import AsJson, FormatName, InputFile, Overwrite, Quiet, given
+from skelgen.cli.options import AsJson, FormatName, InputFile, Overwrite, Quiet, given, option
 from skelgen.cli.screen import (
     Screen,
     can_open_windows,
@@ -33,16 +33,14 @@ OutputFile = Annotated[
         metavar="OUT", help="File to write; its suffix tells the format. {body} in its path writes each body by itself."
     ),
 ]
-OutputFormat = Annotated[
-    str | None, typer.Option("--to", metavar="NAME", help="Write this format.", show_default="found by the suffix")
-]
+OutputFormat = Annotated[str | None, option("--to", "NAME", "Write this format.", "found by the suffix")]
 Reading = Annotated[
     list[str] | None,
-    typer.Option(
+    option(
         "--reading",
-        metavar="NAME=VALUE",
-        help="An option of the reader that the writer has, too, e.g. timestamp_unit=ms; may be repeated.",
-        show_default=False,
+        "NAME=VALUE",
+        "An option of the reader that the writer has, too, e.g. timestamp_unit=ms; may be repeated.",
+        False,
     ),
 ]
 ProjectFile = Annotated[
@@ -129,9 +127,7 @@ def evaluate(
     truth: Annotated[
         Path, typer.Argument(metavar="TRUTH", help="The .truth.npz that `skelgen simulate` wrote; or a rig's settings.")
     ],
-    plot: Annotated[
-        Path | None, typer.Option("--plot", metavar="FILE.svg", help="Of a rig: draw the errors.", show_default=False)
-    ] = None,
+    plot: Annotated[Path | None, option("--plot", "FILE.svg", "Of a rig: draw the errors.", False)] = None,
     as_json: AsJson = False,
 ) -> None:
     """Compare a result with the truth of its simulation; or, as `evaluate rig settings.xml`, tell a rig's errors."""
@@ -188,10 +184,7 @@ def config(
         Path | None,
         typer.Argument(metavar="FILE", help="A config.xml whose values are checked and shown.", show_default="none"),
     ] = None,
-    write: Annotated[
-        Path | None,
-        typer.Option("--write", metavar="FILE", help="Write all defaults with their help.", show_default=False),
-    ] = None,
+    write: Annotated[Path | None, option("--write", "FILE", "Write all defaults with their help.", False)] = None,
     as_json: AsJson = False,
 ) -> None:
     """Show all parameters, or write them as config.xml."""
@@ -213,10 +206,7 @@ def config(
 
 def report(
     result: ProjectFile,
-    output: Annotated[
-        Path | None,
-        typer.Option("--output", "-o", metavar="FILE", help="HTML file.", show_default="beside the project"),
-    ] = None,
+    output: Annotated[Path | None, option("--output -o", "FILE", "HTML file.", "beside the project")] = None,
     quiet: Quiet = False,
 ) -> None:
     """Write the HTML report of a project."""
@@ -232,10 +222,7 @@ def report(
 
 def view(
     take: InputFile,
-    output: Annotated[
-        Path | None,
-        typer.Option("--output", "-o", metavar="FILE", help="HTML file.", show_default="a temporary file"),
-    ] = None,
+    output: Annotated[Path | None, option("--output -o", "FILE", "HTML file.", "a temporary file")] = None,
     format_name: FormatName = None,
     overwrite: Overwrite = False,
     quiet: Quiet = False,
@@ -270,9 +257,7 @@ def _opened(page: Path) -> bool:
 
 def fill(
     result: ProjectFile,
-    output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="FILE", help="Marker file to write; its suffix tells the format.")
-    ],
+    output: Annotated[Path, option("--output -o", "FILE", "Marker file to write; its suffix tells the format.")],
     overwrite: Overwrite = False,
     quiet: Quiet = False,
 ) -> None:
@@ -321,19 +306,11 @@ def correct(
     names: Annotated[
         list[str] | None, typer.Argument(metavar="MARKER", help="Markers that it is about.", show_default=False)
     ] = None,
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", metavar="FILE", help="Project to write.", show_default=False)
-    ] = None,
-    value: Annotated[
-        str, typer.Option("--value", metavar="VALUE", help="Name, type, number, Hz, or way of filling.")
-    ] = "",
-    frames: Annotated[
-        str, typer.Option("--frames", metavar="FIRST-LAST", help="Where it holds.", show_default="whole take")
-    ] = "",
+    output: Annotated[Path | None, option("--output -o", "FILE", "Project to write.", False)] = None,
+    value: Annotated[str, option("--value", "VALUE", "Name, type, number, Hz, or way of filling.")] = "",
+    frames: Annotated[str, option("--frames", "FIRST-LAST", "Where it holds.", "whole take")] = "",
     listed: Annotated[bool, typer.Option("--list", help="List what is stated so far, with its numbers.")] = False,
-    back: Annotated[
-        int | None, typer.Option("--take-back", metavar="N", help="Take back what has this number in the list.")
-    ] = None,
+    back: Annotated[int | None, option("--take-back", "N", "Take back what has this number in the list.")] = None,
     quiet: Quiet = False,
 ) -> None:
     """State something that you know better, or take it back, as the window's corrections do; later runs obey it."""

@@ -5,7 +5,7 @@ import inspect
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
@@ -17,6 +17,27 @@ if TYPE_CHECKING:
 _Value = TypeVar("_Value")
 _ASKED = "_SKELGEN_COMPLETE"
 _LINES = ("_TYPER_COMPLETE_ARGS", "COMP_WORDS")  # of zsh, fish and PowerShell; of bash
+
+
+def option(
+    flags: str, metavar: str, text: str, default: str | bool = True, completion: Callable[..., list[str]] | None = None
+) -> Any:
+    """Return the declaration of an option that takes a value.
+
+    Parameters
+    ----------
+    flags : str
+        Its flags, with blanks between them.
+    metavar : str
+        What stands for the value in the help.
+    text : str
+        The help.
+    default : str or bool
+        What the help says of a missing value; True for the value itself, False for nothing.
+    completion : callable (incomplete) -> list of str, optional
+        Values that begin with what was typed.
+    """
+    return typer.Option(*flags.split(), metavar=metavar, help=text, show_default=default, autocompletion=completion)
 
 
 def called_command(words: Sequence[str]) -> str:
@@ -47,11 +68,9 @@ def formats_beginning(incomplete: str) -> list[str]:
 
 
 InputFile = Annotated[Path, typer.Argument(metavar="TAKE", help="Take in any known format, or a .skelgen project.")]
-OutputFolder = Annotated[
-    Path | None, typer.Option("--output", "-o", metavar="FOLDER", help="Folder for the results.", show_default=False)
-]
-Calibrated = Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="Settings to write.")]
-Square = Annotated[float, typer.Option("--square", metavar="MM", help="Side of a square of the board.")]
+OutputFolder = Annotated[Path | None, option("--output -o", "FOLDER", "Folder for the results.", False)]
+Calibrated = Annotated[Path, option("--output -o", "FILE", "Settings to write.")]
+Square = Annotated[float, option("--square", "MM", "Side of a square of the board.")]
 Seed = Annotated[
     int | None,
     typer.Option("--seed", min=0, help="Seed of every random choice.", show_default="0, or that of the project"),
@@ -65,75 +84,57 @@ NBodies = Annotated[
     int | None,
     typer.Option("--n-bodies", min=1, help="Number of bodies, each with a tree of its own.", show_default="found"),
 ]
-IdentitiesFile = Annotated[
-    Path | None,
-    typer.Option("--identities", metavar="FILE", help="CSV: which point is which marker.", show_default=False),
-]
+IdentitiesFile = Annotated[Path | None, option("--identities", "FILE", "CSV: which point is which marker.", False)]
 Hierarchy = Annotated[
     Path | None,
-    typer.Option(
+    option(
         "--hierarchy",
-        metavar="FILE",
-        help="Known tree: a line child,parent for every limb, a root's parent empty; bodies by name, or limb0, limb1.",
-        show_default="found",
+        "FILE",
+        "Known tree: a line child,parent for every limb, a root's parent empty; bodies by name, or limb0, limb1.",
+        "found",
     ),
 ]
-Root = Annotated[
-    str | None,
-    typer.Option(
-        "--root", metavar="NAME", help="Root of the tree: a body, a marker, or limb0 ...", show_default="found"
-    ),
-]
+Root = Annotated[str | None, option("--root", "NAME", "Root of the tree: a body, a marker, or limb0 ...", "found")]
 NamesFile = Annotated[
     Path | None,
-    typer.Option(
+    option(
         "--names",
-        metavar="FILE",
-        help="Names of limbs: a line marker,name calls the limb of the marker by the name; or a table .limbs.csv.",
-        show_default="by names of markers",
+        "FILE",
+        "Names of limbs: a line marker,name calls the limb of the marker by the name; or a table .limbs.csv.",
+        "by names of markers",
     ),
 ]
 MarkerSetName = Annotated[
     str | None,
-    typer.Option(
+    option(
         "--marker-set",
-        metavar="NAME",
-        help="auto names limbs by the set that is worn; none gives numbers; a set's name binds limbs and tree to it.",
-        show_default="auto",
+        "NAME",
+        "auto names limbs by the set that is worn; none gives numbers; a set's name binds limbs and tree to it.",
+        "auto",
     ),
 ]
 SubjectFiles = Annotated[
     list[Path] | None,
-    typer.Option(
+    option(
         "--skeleton",
-        metavar="PROJECT",
-        help="Label and pose by the skeleton of another take of the same body: a .skelgen project, or a run's folder; "
+        "PROJECT",
+        "Label and pose by the skeleton of another take of the same body: a .skelgen project, or a run's folder; "
         "once for each body that the take shows.",
-        show_default=False,
+        False,
     ),
 ]
-Config = Annotated[
-    Path | None,
-    typer.Option("--config", metavar="FILE", help="Parameters of all stages: config.xml.", show_default=False),
-]
+Config = Annotated[Path | None, option("--config", "FILE", "Parameters of all stages: config.xml.", False)]
 Methods = Annotated[
     str | None,
-    typer.Option(
+    option(
         "--methods",
-        metavar="default|classic",
-        help="Methods of all stages: this program's, or those of Schönauer (2007).",
-        show_default="default; those of the thesis for stages that a config.xml of its names alone sets",
+        "default|classic",
+        "Methods of all stages: this program's, or those of Schönauer (2007).",
+        "default; those of the thesis for stages that a config.xml of its names alone sets",
     ),
 ]
 FormatName = Annotated[
-    str | None,
-    typer.Option(
-        "--format",
-        metavar="NAME",
-        help="Read as this format.",
-        show_default="found by content",
-        autocompletion=formats_beginning,
-    ),
+    str | None, option("--format", "NAME", "Read as this format.", "found by content", formats_beginning)
 ]
 Overwrite = Annotated[
     bool,
@@ -222,8 +223,8 @@ def _option(name: str, kind: type, text: str, default: object, panel: str) -> in
     flag = "--" + name.replace("_", "-")
     flags = f"{flag}/--no-{flag[2:]}" if kind is bool else flag
     shown = "none" if default is None else str(default) or "empty"
-    option = typer.Option(None, flags, help=text, show_default=shown, rich_help_panel=panel)
-    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=option, annotation=kind | None)
+    declared = typer.Option(None, flags, help=text, show_default=shown, rich_help_panel=panel)
+    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=declared, annotation=kind | None)
 
 
 def _help(entry: Declaration) -> str:

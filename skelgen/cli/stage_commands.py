@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from skelgen.cli import options
+from skelgen.cli.options import option
 from skelgen.cli.screen import Screen, show_evaluation, show_files, show_project, show_results
 from skelgen.errors import ParameterError
 from skelgen.parameters import ParameterValue
@@ -22,30 +23,13 @@ if TYPE_CHECKING:
     from skelgen.progress import Monitor
 
 Assignments = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set", metavar="STAGE.NAME=VALUE", help="One parameter; may be repeated; `skelgen config` lists all."
-    ),
+    list[str] | None, option("--set", "STAGE.NAME=VALUE", "One parameter; may be repeated; `skelgen config` lists all.")
 ]
 FromStage = Annotated[
-    str | None,
-    typer.Option(
-        "--from",
-        metavar="STAGE",
-        help="First stage to run.",
-        show_default="the first without a result",
-        autocompletion=options.stages_beginning,
-    ),
+    str | None, option("--from", "STAGE", "First stage to run.", "the first without a result", options.stages_beginning)
 ]
 UntilStage = Annotated[
-    str | None,
-    typer.Option(
-        "--until",
-        metavar="STAGE",
-        help="Last stage to run.",
-        show_default="skeleton",
-        autocompletion=options.stages_beginning,
-    ),
+    str | None, option("--until", "STAGE", "Last stage to run.", "skeleton", options.stages_beginning)
 ]
 OptionalInput = Annotated[
     Path | None,

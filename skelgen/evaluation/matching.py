@@ -110,15 +110,20 @@ def _identity_of_points(
     marker, point = _points_of_result(cloud, trajectories, tolerance)
     counts = np.zeros((trajectories.n_markers, truth.n_markers + 1), dtype=np.intp)  # the last column takes the ghosts
     np.add.at(counts, (marker, truth.marker_of_point[point]), 1)
-    together = counts[:, :-1]
-    rows, columns = linear_sum_assignment(together, maximize=True)
-    hits = together[rows, columns]
-    true_of_marker = np.full(trajectories.n_markers, -1, dtype=np.intp)
-    true_of_marker[rows[hits > 0]] = columns[hits > 0]
-    n_hits, n_found, n_true = int(hits.sum()), int(counts.sum()), int((truth.marker_of_point >= 0).sum())
+    true_of_marker, n_hits = _matched(counts[:, :-1])
+    n_found, n_true = int(counts.sum()), int((truth.marker_of_point >= 0).sum())
     idf1 = 2 * n_hits / max(n_found + n_true, 1)
     precision, recall = n_hits / max(n_found, 1), n_hits / max(n_true, 1)
     return true_of_marker, LabelScore(idf1, precision, recall, trajectories.n_markers, truth.n_markers)
+
+
+def _matched(shared: Ints) -> tuple[Ints, int]:
+    """Match rows to columns that share most; return the column of each row, -1 without one, and what all share."""
+    rows, columns = linear_sum_assignment(shared, maximize=True)
+    hits = shared[rows, columns]
+    column_of_row = np.full(len(shared), -1, dtype=np.intp)
+    column_of_row[rows[hits > 0]] = columns[hits > 0]
+    return column_of_row, int(hits.sum())
 
 
 def _points_of_result(cloud: PointCloud, trajectories: Trajectories, tolerance: float) -> tuple[Ints, Ints]:
@@ -240,8 +245,7 @@ def score_bodies(limb_of_marker: Ints, parents: Ints, true_of_marker: Ints, trut
             body_of[limbs] = body
     shared = np.zeros((len(found), len(true)), dtype=np.intp)
     np.add.at(shared, (of_limb[limb_of_marker[known]], of_true_limb[truth.limb_of_marker[true_of_marker[known]]]), 1)
-    hits = int(shared[linear_sum_assignment(shared, maximize=True)].sum())
-    share = hits / max(int(shared.sum()), 1)
+    share = _matched(shared)[1] / max(int(shared.sum()), 1)
     return BodyScore(len(found), len(true), share, len(found) == len(true) and share == 1.0)
 
 
@@ -262,11 +266,7 @@ def match_limbs(limb_of_marker: Ints, true_of_marker: Ints, truth: Truth) -> Int
     shared = np.zeros((n_limbs, truth.n_limbs), dtype=np.intp)
     usable = (limb_of_marker >= 0) & (true_of_marker >= 0)
     np.add.at(shared, (limb_of_marker[usable], truth.limb_of_marker[true_of_marker[usable]]), 1)
-    rows, columns = linear_sum_assignment(shared, maximize=True)
-    is_match = shared[rows, columns] > 0
-    true_of_limb = np.full(n_limbs, -1, dtype=np.intp)
-    true_of_limb[rows[is_match]] = columns[is_match]
-    return true_of_limb
+    return _matched(shared)[0]
 
 
 def match_joints(edges: Ints, true_of_limb: Ints, truth: Truth) -> Ints:

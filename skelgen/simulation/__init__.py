@@ -4,35 +4,22 @@ May change with every version; scripts import what they need from `skelgen`.
 """
 
 from skelgen.files import TRUTH_SUFFIX
-from skelgen.simulation.articulated import LimbModel, Structure, resized
+from skelgen.simulation.articulated import Structure, resized
 from skelgen.simulation.parameters import SimulationParameters
 from skelgen.simulation.recorded import BoneParameters, RecordedBody, recorded_body
-from skelgen.simulation.structures import (
-    STRUCTURE_NAMES,
-    classic_human,
-    find_structure,
-    human,
-    quadruped,
-    random_tree,
-    rods_chain,
-)
+from skelgen.simulation.structures import find_structure, random_tree, rods_chain
 from skelgen.simulation.take import SimulatedTake, simulate
 from skelgen.simulation.truth import Truth, read_truth, write_truth
 
 __all__ = [
-    "STRUCTURE_NAMES",
     "TRUTH_SUFFIX",
     "BoneParameters",
-    "LimbModel",
     "RecordedBody",
     "SimulatedTake",
     "SimulationParameters",
     "Structure",
     "Truth",
-    "classic_human",
     "find_structure",
-    "human",
-    "quadruped",
     "random_tree",
     "read_truth",
     "recorded_body",

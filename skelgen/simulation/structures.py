@@ -1,12 +1,14 @@
-"""The structures that can be simulated, found by name: rods, humans, a quadruped, random trees; all lengths in mm."""
+"""Structures that can be simulated, found by name: rods, a hand, random trees, bodies of a table; all lengths in mm."""
 
-from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from skelgen.errors import ParameterError
 from skelgen.geometry.rotations import unit_vectors
+from skelgen.marker_sets import read_table
 from skelgen.model.arrays import Floats
 from skelgen.simulation.articulated import (
     DEGREES_OF_FREEDOM,
@@ -19,10 +21,7 @@ from skelgen.simulation.articulated import (
     markers_around,
 )
 
-SIDES = {"left": 1.0, "right": -1.0}
-"""Sides of a body, and the sign of y there."""
-
-_TRUNK = Swing((25, 30, 35))
+_TABLES = Path(__file__).parent / "tables"
 _BACK_OF_HAND = ((15, 22, 22), (12, -18, 22), (84, 32, 16), (90, 6, 22), (76, -30, 12))  # mm in the palm's frame
 
 ROD_LENGTH = 350.0
@@ -43,102 +42,24 @@ _TREE_HEIGHT = 1200.0  # mm
 _SMALLEST_SINE = 0.6  # between a hinge's axis and its limb: a limb that spins about itself moves no marker far
 
 
-def human(n_markers_per_limb: int = 3) -> Structure:
-    """Return a human of 15 limbs, 1.75 m tall, with hinges in elbows and knees, universal wrists and ankles.
-
-    Parameters
-    ----------
-    n_markers_per_limb : int
-        Markers on every limb.
-    """
-    n = n_markers_per_limb
-    limbs = [
-        limb("pelvis", Attachment("", "free", (0, 0, 960)), Capsule((0, 110, 0), 95, start=(0, -110, 0)), n),
-        limb("chest", Attachment("pelvis", "ball", (-15, 0, 110), _TRUNK), Capsule((0, 0, 300), 120), n),
-        limb("head", Attachment("chest", "ball", (10, 0, 370), Swing((30, 35, 50))), Capsule((15, 0, 190), 80), n),
-    ]
-    for side, s in SIDES.items():
-        upper, fore, hand = f"{side} upper arm", f"{side} forearm", f"{side} hand"
-        elbow = Swing((50,), (60,), [(-0.1 * s, -1, 0.15 * s)])
-        wrist = Swing((40, 30), (5, 0), [(0, -1, 0), (1, 0, 0)])
-        limbs += [
-            limb(upper, Attachment("chest", "ball", (0, 185 * s, 300), _shoulder(s)), Capsule((0, 0, -300), 45), n),
-            limb(fore, Attachment(upper, "hinge", (0, 10 * s, -305), elbow), Capsule((0, 0, -250), 36), n),
-            limb(hand, Attachment(fore, "universal", (5, 5 * s, -260), wrist), Capsule((0, 0, -170), 28), n),
-        ]
-        thigh, shank, foot = f"{side} thigh", f"{side} shank", f"{side} foot"
-        knee = Swing((45,), (50,), [(0.05 * s, 1, -0.1 * s)])
-        ankle = Swing((30, 25), axes=[(0, 1, 0), (1, 0, 0.3 * s)])
-        limbs += [
-            limb(thigh, Attachment("pelvis", "ball", (0, 95 * s, -70), _hip(s)), Capsule((0, 0, -415), 70), n),
-            limb(shank, Attachment(thigh, "hinge", (0, 5 * s, -420), knee), Capsule((0, 0, -390), 50), n),
-            limb(foot, Attachment(shank, "universal", (-10, 0, -405), ankle), Capsule((190, 0, -55), 34), n),
-        ]
-    return Structure("human", tuple(limbs))
+def _described(name: str, n_markers: int | None = None) -> Structure:
+    """Return a structure of ``tables/structures.toml``, with as many markers on each limb if a number is given."""
+    rows = read_table("structures", _TABLES)[name]
+    limbs = []
+    for row in (*rows, *(_on_the_right(row) for row in rows if row["name"].startswith("left "))):
+        swing = Swing(row["amplitudes"], row.get("offsets"), row.get("axes")) if "amplitudes" in row else None
+        joint = Attachment(row["parent"], row["kind"], row["joint"], swing)
+        capsule = Capsule(row["tip"], row["radius"], row.get("start", np.zeros(3)))
+        limbs.append(limb(row["name"], joint, capsule, n_markers or row.get("n_markers", 3)))
+    return Structure(name, tuple(limbs))
 
 
-def _shoulder(s: float) -> Swing:
-    return Swing((40, 50, 40), (15 * s, -15, 0))
-
-
-def _hip(s: float) -> Swing:
-    return Swing((30, 40, 30), (8 * s, -15, 0))
-
-
-def classic_human() -> Structure:
-    """Return a human of 13 bones and 31 markers, most limbs with two, as in (Schönauer 2007, tables 5.2 and 5.3).
-
-    The knees are hinges; all other joints are balls, as the joint errors in table 5.4 show.
-    """
-    limbs = [
-        limb("breast", Attachment("", "free", (0, 0, 1250)), Capsule((0, 0, 250), 120, start=(0, 0, -50)), 3),
-        limb("head", Attachment("breast", "ball", (10, 0, 300)), Capsule((15, 0, 190), 80), 2),
-        limb("hip", Attachment("breast", "ball", (0, 0, -120), _TRUNK), Capsule((0, 0, -150), 110), 2),
-    ]
-    for side, s in SIDES.items():
-        upper, fore, hand = f"{side} upper arm", f"{side} forearm", f"{side} hand"
-        elbow = Swing((25, 45, 35), (0, -55, 0))
-        limbs += [
-            limb(upper, Attachment("breast", "ball", (0, 185 * s, 220), _shoulder(s)), Capsule((0, 0, -300), 45), 2),
-            limb(fore, Attachment(upper, "ball", (0, 10 * s, -305), elbow), Capsule((0, 0, -250), 36), 2),
-            limb(hand, Attachment(fore, "ball", (5, 5 * s, -260)), Capsule((0, 0, -170), 28), 2),
-        ]
-        thigh, shank = f"{side} thigh", f"{side} lower leg"
-        knee = Swing((45,), (50,), [(0, 1, 0)])
-        limbs += [
-            limb(thigh, Attachment("hip", "ball", (0, 95 * s, -220), _hip(s)), Capsule((0, 0, -415), 70), 3),
-            limb(shank, Attachment(thigh, "hinge", (0, 5 * s, -420), knee), Capsule((0, 0, -390), 50), 3),
-        ]
-    return Structure("classic-human", tuple(limbs))
-
-
-def quadruped() -> Structure:
-    """Return a dog-like animal of 17 limbs with three markers each: hinges in elbows, stifles and carpi."""
-    limbs = [
-        limb("pelvis", Attachment("", "free", (-300, 0, 600)), Capsule((60, 0, 0), 90, start=(-100, 0, 0)), 3),
-        limb("trunk", Attachment("pelvis", "ball", (80, 0, 10), Swing((20, 20, 25))), Capsule((440, 0, 0), 110), 3),
-        limb("neck", Attachment("trunk", "ball", (480, 0, 40), Swing((20, 35, 35))), Capsule((130, 0, 130), 55), 3),
-        limb("head", Attachment("neck", "ball", (150, 0, 150), Swing((30, 30, 35))), Capsule((200, 0, -30), 55), 3),
-        limb("tail", Attachment("pelvis", "ball", (-140, 0, 20), Swing((20, 30, 45))), Capsule((-320, 0, 0), 20), 3),
-    ]
-    for side, s in SIDES.items():
-        upper, fore, foot = f"{side} upper foreleg", f"{side} forearm", f"{side} forefoot"
-        shoulder = Swing((20, 35, 20))
-        elbow, carpus = Swing((40,), (30,), [(0.1 * s, -1, 0)]), Swing((45,), (20,), [(0, 1, 0.2 * s)])
-        limbs += [
-            limb(upper, Attachment("trunk", "ball", (380, 100 * s, -60), shoulder), Capsule((-40, 0, -190), 40), 3),
-            limb(fore, Attachment(upper, "hinge", (-45, 0, -200), elbow), Capsule((20, 0, -190), 30), 3),
-            limb(foot, Attachment(fore, "hinge", (20, 0, -200), carpus), Capsule((50, 0, -110), 24), 3),
-        ]
-        thigh, shank, foot = f"{side} thigh", f"{side} shank", f"{side} hind foot"
-        hip = Swing((20, 35, 20))
-        stifle, hock = Swing((40,), (30,), [(0.1 * s, 1, 0)]), Swing((35, 20), axes=[(0, 1, 0), (1, 0, 0)])
-        limbs += [
-            limb(thigh, Attachment("pelvis", "ball", (-40, 80 * s, -50), hip), Capsule((40, 0, -210), 55), 3),
-            limb(shank, Attachment(thigh, "hinge", (45, 0, -220), stifle), Capsule((-70, 0, -190), 35), 3),
-            limb(foot, Attachment(shank, "universal", (-75, 0, -200), hock), Capsule((60, 0, -130), 24), 3),
-        ]
-    return Structure("quadruped", tuple(limbs))
+def _on_the_right(row: dict[str, Any]) -> dict[str, Any]:
+    """Return the row of the limb of the right that one of the left stands for."""
+    name, parent = (row[which].replace("left ", "right ") for which in ("name", "parent"))
+    x, y, z = row["joint"]
+    differing: dict[str, Any] = row.get("right", {})
+    return row | {"name": name, "parent": parent, "joint": (x, -y, z)} | differing
 
 
 def hand() -> Structure:
@@ -228,17 +149,10 @@ def _direction(rng: np.random.Generator) -> Floats:
     return unit_vectors(rng.normal(size=3))
 
 
-_BUILDERS: dict[str, Callable[[], Structure]] = {
-    "rods": rods_chain,
-    "human": human,
-    "classic-human": classic_human,
-    "quadruped": quadruped,
-    "hand": hand,
-}
-
+_DESCRIBED = ("human", "classic-human", "quadruped")  # in the table
 _FORMER_NAMES = {"seed-human": "classic-human"}  # of version 0.1.0
 
-STRUCTURE_NAMES = (*_BUILDERS, f"{_TREE_PREFIX}8")
+STRUCTURE_NAMES = ("rods", *_DESCRIBED, "hand", f"{_TREE_PREFIX}8")
 """Names that `find_structure` knows; any number of limbs may follow ``tree:``."""
 
 
@@ -260,10 +174,10 @@ def find_structure(name: str, seed: int = 0) -> Structure:
     """
     name = _FORMER_NAMES.get(name, name)
     kind, _, count = name.partition(":")
-    if name in _BUILDERS:
-        return _BUILDERS[name]()
-    if kind == "human" and count in {"3", "4", "5"}:
-        return human(int(count))
+    if name in {"rods", "hand"}:
+        return rods_chain() if name == "rods" else hand()
+    if name in _DESCRIBED or (kind == "human" and count in {"3", "4", "5"}):
+        return _described(kind, int(count) if count else None)
     if kind == "tree" and count.isascii() and count.isdigit():
         return random_tree(int(count), seed)
     raise ParameterError(f"there is no structure {name!r}; there are {', '.join(STRUCTURE_NAMES)} and human:4")

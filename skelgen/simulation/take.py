@@ -32,17 +32,7 @@ from skelgen.simulation.visibility import CAMERAS_NEEDED, camera_ring, seen_by_c
 
 # Each has its own random numbers, by its place in the list.
 _STREAMS = (
-    "motion",
-    "tissue",
-    "noise",
-    "dropouts",
-    "ghosts",
-    "order",
-    "edges",
-    "duplicates",
-    "person",
-    "hold",
-    "sensors",
+    *("motion", "tissue", "noise", "dropouts", "ghosts", "order", "edges", "duplicates", "person", "hold", "sensors"),
 )
 _UNLABELLED = ("ghosts", "merged", "duplicates")  # faults whose points cannot carry one label
 _OF_RANDOM_MOTION = ("motion_range", "walk", "speed")

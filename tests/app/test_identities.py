@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import skelgen
+from skelgen.app.corrections import with_identities
 from skelgen.app.files import open_input
-from skelgen.app.identities import with_identities
 from skelgen.model import Identities, Identity
 from skelgen.simulation import simulate
 

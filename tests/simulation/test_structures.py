@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from skelgen.errors import InputError, ParameterError
-from skelgen.simulation import Structure, classic_human, find_structure, human, quadruped, random_tree, rods_chain
+from skelgen.simulation import Structure, find_structure, random_tree, rods_chain
 
 NAMES = ["rods", "human", "human:4", "classic-human", "quadruped", "tree:8", "tree:25"]
 SMALLEST_TRIANGLE = 100.0  # mm^2: three markers 10 mm off a line, well above the noise of any tracker
@@ -47,20 +47,20 @@ def test_the_rods_are_the_seeds_chain() -> None:
 
 
 def test_a_human_has_fifteen_limbs_with_hinges_in_elbows_and_knees() -> None:
-    body = human(4)
+    body = find_structure("human:4")
     hinges = {limb.name for limb in body.limbs if limb.kind == "hinge"}
     assert (body.n_limbs, body.n_markers) == (15, 60)
     assert hinges == {"left forearm", "right forearm", "left shank", "right shank"}
 
 
 def test_the_seeds_human_has_the_markers_of_its_tables() -> None:
-    body = classic_human()
+    body = find_structure("classic-human")
     assert (body.n_limbs, body.n_markers) == (13, 31)
     assert Counter(len(limb.markers) for limb in body.limbs) == {2: 8, 3: 5}
 
 
 def test_a_quadruped_has_at_least_fourteen_limbs() -> None:
-    assert quadruped().n_limbs >= 14
+    assert find_structure("quadruped").n_limbs >= 14
 
 
 def test_a_random_tree_has_joints_of_all_kinds() -> None:

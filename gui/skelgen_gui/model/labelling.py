@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from skelgen.app.identities import own_point
+from skelgen.app.corrections import own_point
 from skelgen.errors import InputError
 from skelgen.model import Labelling, PointCloud, Project
 from skelgen.model.arrays import Floats, Ints

@@ -5,7 +5,7 @@ from pathlib import Path
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QFileDialog, QLabel, QListWidget, QListWidgetItem, QPushButton, QWidget
 
-from skelgen.app.identities import with_identities
+from skelgen.app.corrections import with_identities
 from skelgen.app.stage_summary import take_sentences
 from skelgen.model import Project
 from skelgen.progress import Monitor

@@ -26,7 +26,7 @@ from skelgen.app.capture_jobs.messages import (
     Recorded,
 )
 from skelgen.app.recording import Recording
-from skelgen.app.room import capture_room, read_rig_settings, room_source_of
+from skelgen.app.room import read_rig_settings, room_source_of
 from skelgen.capture.bodies.prediction import PredictionParameters
 from skelgen.capture.live import Captured, MotionCapture, PointFinder
 from skelgen.capture.room.live import RoomCaptured
@@ -232,10 +232,7 @@ def open_stream(options: CaptureOptions, *, only_points: bool = False) -> Opened
     elif settings is None and options.source.startswith(ROOM):
         room = open_room_source(options.source)
         settings = getattr(room, "settings", None)
-    if isinstance(settings, RoomSettings):
-        used = replace(settings, bodies=(), joints=()) if only_points else settings
-        return Opened(settings, room.rate, room.n_frames, capture_room(used, room, prediction=prediction))
-    known, source = _open_capture(options)
+    known, source = (settings, room) if isinstance(settings, RoomSettings) else _open_capture(options)
     looked_for = replace(known, bodies=(), joints=()) if only_points else known
     return Opened(known, source.rate, source.n_frames, capture(looked_for, source, prediction=prediction))
 

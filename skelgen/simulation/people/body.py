@@ -26,7 +26,10 @@ from skelgen.marker_sets import read_table, worn_markers
 from skelgen.model.arrays import Floats, Ints
 from skelgen.simulation.articulated import Attachment, Capsule, LimbModel, Structure, Swing, limb, resized
 from skelgen.simulation.motion import smooth_curves
-from skelgen.simulation.structures import SIDES, human
+from skelgen.simulation.structures import find_structure
+
+SIDES = {"left": 1.0, "right": -1.0}
+"""Sides of a body, and the sign of y there."""
 
 TABLES = Path(__file__).parent / "tables"
 """Soft tissue and motions; the places of markers stand with the marker sets."""
@@ -129,7 +132,7 @@ def _dressed(
 
 def _unmarked_limbs() -> list[LimbModel]:
     """The simulated human with forearms that pronate, and with toes."""
-    limbs = [replace(one, markers=_NO_MARKERS) for one in human().limbs]
+    limbs = [replace(one, markers=_NO_MARKERS) for one in find_structure("human").limbs]
     for index, one in enumerate(limbs):
         if one.name.endswith("forearm"):
             s = SIDES[one.name.split()[0]]

@@ -15,8 +15,7 @@ from skelgen.marker_sets import read_table
 from skelgen.model.arrays import Bools, Floats
 from skelgen.simulation.articulated import DEGREES_OF_FREEDOM, Structure
 from skelgen.simulation.motion import smooth_curves, world_from_limbs
-from skelgen.simulation.people.body import TABLES, Person
-from skelgen.simulation.structures import SIDES
+from skelgen.simulation.people.body import SIDES, TABLES, Person
 
 MOTIONS = ("walk", "run", "squat", "reach", "jump")
 """Natural motions of people."""
@@ -24,31 +23,6 @@ MOTIONS = ("walk", "run", "squat", "reach", "jump")
 SLOWEST = 20.0
 """Lowest frame rate [Hz] that shows steps and flights."""
 
-# Limb, column of its angles, sign, and whether the sign changes with the side.
-_SIDED = {
-    "hip flexion": ("thigh", 1, -1.0, False),
-    "hip abduction": ("thigh", 0, 1.0, True),
-    "hip rotation": ("thigh", 2, 1.0, True),
-    "knee flexion": ("shank", 0, 1.0, False),
-    "shoulder flexion": ("upper arm", 1, -1.0, False),
-    "shoulder abduction": ("upper arm", 0, 1.0, True),
-    "shoulder rotation": ("upper arm", 2, 1.0, True),
-    "elbow flexion": ("forearm", 0, 1.0, False),
-    "pronation": ("forearm", 1, 1.0, False),
-    "wrist deviation": ("hand", 0, 1.0, False),
-    "wrist flexion": ("hand", 1, -1.0, True),
-}
-_MIDDLE = {
-    "pelvis rotation": ("pelvis", 0, -1.0),
-    "pelvis tilt": ("pelvis", 1, 1.0),
-    "pelvis obliquity": ("pelvis", 2, 1.0),
-    "trunk flexion": ("chest", 1, 1.0),
-    "trunk bend": ("chest", 0, -1.0),
-    "trunk rotation": ("chest", 2, -1.0),
-    "head flexion": ("head", 1, 1.0),
-    "head bend": ("head", 0, -1.0),
-    "head rotation": ("head", 2, -1.0),
-}
 _LEG = ("hip", "knee", "foot")  # first words of the curves that lag as legs do; all others lag as arms do
 
 _SIZES, _POSTURE = 0.06, 2.0  # one standard deviation between people: of the logarithm of sizes, and in degrees
@@ -58,10 +32,8 @@ _SWAY, _SWAY_FREQUENCIES = 1.2, (0.1, 0.8)  # degrees and Hz of what nobody keep
 _SMOOTHING = 0.012  # s: joints do not change their speed at once
 _CHANGE = 8.0  # percent of the cycle in which a curve takes on the size of the next cycle
 _RAMP = 2.0  # percent of the cycle in which a foot takes up the load
-_MOST_TOE, _TOES_LAG = (
-    55.0,
-    6.0,
-)  # degrees, and percent of the cycle for which toes stay bent after they leave the ground
+_MOST_TOE = 55.0  # degrees
+_TOES_LAG = 6.0  # percent of the cycle for which toes stay bent after they leave the ground
 _STEPS, _DAMPING, _TINY = 6, 2e3, 1e-5  # damping in mm^2: straight knees do not lengthen a leg; rad
 _REACH = 200.0  # mm: what a rad of a turned foot counts
 _LIFTS, _CLEARANCE, _LIFTED_BY, _LIFT_TIME = 4, 12.0, 200.0, 0.03  # rounds; mm; mm a rad of the knee; s
@@ -165,6 +137,7 @@ def natural_motion(
 def _joint_angles(body: Structure, cycle: _Cycle) -> list[Floats]:
     """Angles [rad] of all joints but ankles and toes."""
     rng, table, n_frames = cycle.rng, cycle.table, len(cycle.phase)
+    moved = read_table("motions", TABLES)["curves"]
     angles = [np.zeros((n_frames, DEGREES_OF_FREEDOM[one.kind])) for one in body.limbs]
     index_of = {name: index for index, name in enumerate(body.limb_names)}
     depth = np.exp(_SIZES * rng.normal())  # of legs that bend together
@@ -174,15 +147,15 @@ def _joint_angles(body: Structure, cycle: _Cycle) -> list[Floats]:
             for side in SIDES:
                 angles[index_of[f"{side} thigh"]][:, 0] -= np.deg2rad(degrees)
             continue
-        limb, column, sign = _MIDDLE[name]
+        limb, column, sign = moved["middle"][name]
         angles[index_of[limb]][:, column] += np.deg2rad(sign * degrees)
     for name, pairs in table["left"].items():
-        if name not in _SIDED:
+        if name not in moved["left"]:
             continue
         of_legs = name.startswith(_LEG)
         size, offset = np.exp(_SIZES * rng.normal()), 0.0 if of_legs else _POSTURE * rng.normal()
         size = size if not of_legs or table["legs_lag"] else depth
-        segment, column, sign, is_mirrored = _SIDED[name]
+        segment, column, sign, is_mirrored = moved["left"][name]
         late = table["legs_lag" if of_legs else "arms_lag"]
         unlike = _UNLIKE if late or not of_legs else 0.0  # legs that work together stay on the ground together
         for side, s in SIDES.items():

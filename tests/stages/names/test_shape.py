@@ -8,7 +8,7 @@ import pytest
 import skelgen
 from skelgen.simulation import simulate
 from skelgen.simulation.articulated import Attachment, Capsule, Structure, Swing, limb
-from skelgen.simulation.structures import human as human_structure
+from skelgen.simulation.structures import find_structure
 from skelgen.stages.names import contradicts_sides, names_by_shape
 from skelgen.stages.names.animals import find_quadruped
 from skelgen.stages.names.moving_tree import MovingTree
@@ -91,7 +91,7 @@ def test_a_set_of_none_gives_numbers_alone(human):
 
 
 def test_a_person_whose_knees_bend_both_ways_has_neutral_names():
-    limbs = [replace(limb, offsets=np.zeros_like(limb.offsets)) for limb in human_structure().limbs]
+    limbs = [replace(limb, offsets=np.zeros_like(limb.offsets)) for limb in find_structure("human").limbs]
     simulated = simulate(Structure("puppet", tuple(limbs)), n_frames=150, seed=3, noise=0.1)
     project = skelgen.reconstruct(hidden(simulated.take))
     assert {"thigh A", "thigh B", "hand A", "head", "pelvis"} <= set(project.limbs.names)
