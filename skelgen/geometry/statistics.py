@@ -99,6 +99,20 @@ def lengths_of(vectors: Floats) -> Floats:
     return np.asarray(np.sqrt(squares))
 
 
+def spread_of_markers(errors: Floats) -> Floats:
+    """Return the root mean square coordinate of the errors of each marker [mm], NaN where it is never seen.
+
+    Parameters
+    ----------
+    errors : ndarray, shape (n_frames, n_markers, 3), mm
+        NaN where unseen.
+    """
+    seen = ~np.isnan(errors[:, :, 0])
+    squares = np.where(seen[..., np.newaxis], errors, 0.0) ** 2
+    spread = np.sqrt(squares.sum(axis=(0, 2)) / np.maximum(3 * seen.sum(axis=0), 1))
+    return np.where(seen.any(axis=0), spread, np.nan)
+
+
 def pair_lengths(positions: Floats, first: Ints, second: Ints) -> Floats:
     """Return the distances of pairs of markers [mm], shape (n_pairs, n_frames): a row per pair, for sorting.
 

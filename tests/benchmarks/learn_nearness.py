@@ -14,7 +14,7 @@ from learn_pairs import Pairs, Subject, learn, subjects
 
 from skelgen.model import Trajectories
 from skelgen.model.arrays import Ints, spread_frames
-from skelgen.stages.joints.nearness import FEATURES, LOOKED_AT, neighbour_features
+from skelgen.stages.joints.nearness import LOOKED_AT, WEIGHTS, neighbour_features
 from skelgen.stages.limbs import find_limbs
 
 RATE = 100.0  # Hz; of no consequence
@@ -22,7 +22,7 @@ RATE = 100.0  # Hz; of no consequence
 
 def main() -> None:
     """Print how well neighbours of each person are told by all others, then the table."""
-    learn([pairs for subject in subjects() for pairs in pairs_of(subject)], len(FEATURES))
+    learn([pairs for subject in subjects() for pairs in pairs_of(subject)], len(WEIGHTS))
 
 
 def pairs_of(subject: Subject) -> Iterator[Pairs]:

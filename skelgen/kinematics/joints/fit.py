@@ -21,7 +21,7 @@ from skelgen.kinematics.joints.joint_model import (
 )
 from skelgen.kinematics.joints.joint_type import DETERMINED_TYPES, ROUNDING, JointType, TypeLimits, find_joint_type
 from skelgen.kinematics.joints.relative_poses import MIN_FRAMES, RelativePoses, relative_poses, whitener
-from skelgen.kinematics.joints.rotations import BallRotation, ConstrainedRotation, axis_covariance
+from skelgen.kinematics.joints.rotations import BallRotation, axis_covariance
 from skelgen.model import Poses
 from skelgen.model.arrays import Floats, Ints
 
@@ -193,7 +193,7 @@ def fit_joint_type(kind: str, measured: RelativePoses, start: Floats | None = No
         child_from_joint=_frame(joint, "in_child"),
         angles=angles,
         angle_std=angle_std,
-        between=joint.rotation.between if isinstance(joint.rotation, ConstrainedRotation) else 0.0,
+        between=joint.rotation.between,
         covariance=free @ constants[:n_places, :n_places] @ free.T,
         axis_covariance=axis_covariance(joint.rotation, constants[n_places:, n_places:]),
         singular_values=singular,
@@ -241,13 +241,8 @@ def _start(kind: str, measured: RelativePoses, place: Floats) -> JointModel:
 
 def _spread_over_take(joint: JointModel, covariance: Floats, measured: RelativePoses) -> tuple[Floats, Floats]:
     """Angles and their deviations in all frames of the take, NaN where not known."""
-    rotation = joint.rotation
-    angles = np.full((measured.n_frames, rotation.n_angles), np.nan)
-    std = angles.copy()
-    if isinstance(rotation, BallRotation):
-        angles[measured.frames] = vector_from_matrix(rotation.free)
-    elif isinstance(rotation, ConstrainedRotation):
-        angles[measured.frames] = rotation.angles
+    angles, std = np.full((2, measured.n_frames, joint.rotation.n_angles), np.nan)
+    angles[measured.frames] = joint.rotation.angles
     std[measured.frames] = np.sqrt(np.einsum("fii->fi", covariance))
     return angles, std
 

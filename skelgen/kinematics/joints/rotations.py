@@ -13,58 +13,14 @@ ball is free in every frame, and a rigid joint has one rotation for all frames. 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import ClassVar, Protocol, Self
+from typing import ClassVar
 
 import numpy as np
 
-from skelgen.geometry.rotations import matrix_from_vector
+from skelgen.geometry.rotations import matrix_from_vector, vector_from_matrix
 from skelgen.model.arrays import Floats
 
 X = np.eye(3)[0]
-
-
-class JointRotation(Protocol):
-    """Rotations parent from child of all frames, as one type of joint allows them."""
-
-    @property
-    def kind(self) -> str:
-        """The type of the joint."""
-
-    @property
-    def n_constants(self) -> int:
-        """Constants of all frames."""
-
-    @property
-    def n_angles(self) -> int:
-        """Angles of each frame."""
-
-    def rotations(self) -> Floats:
-        """Return the rotations parent from child, shape (n_frames, 3, 3)."""
-
-    def axes(self) -> tuple[Floats, Floats] | None:
-        """Return the unit axis fixed in the parent and that fixed in the child; None for types without axes."""
-
-    def slopes(self) -> tuple[Floats, Floats]:
-        """Return the derivatives of small rotations [rad].
-
-        Returns
-        -------
-        ndarray, shape (n_frames, 3, n_constants)
-            By the constants.
-        ndarray, shape (n_frames, 3, n_angles)
-            By the angles of the frame.
-        """
-
-    def stepped(self, constants: Floats, angles: Floats) -> Self:
-        """Return the rotations after a step.
-
-        Parameters
-        ----------
-        constants : ndarray, shape (n_constants,)
-            Step of the constants.
-        angles : ndarray, shape (n_frames, n_angles), rad
-            Steps of the angles.
-        """
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,17 +30,23 @@ class BallRotation:
     kind: ClassVar[str] = "ball"
     n_constants: ClassVar[int] = 0
     n_angles: ClassVar[int] = 3
+    between: ClassVar[float] = 0.0
     free: Floats
 
+    @property
+    def angles(self) -> Floats:
+        """Rotation vectors [rad], shape (n_frames, 3)."""
+        return vector_from_matrix(self.free)
+
     def rotations(self) -> Floats:
-        """Return the rotations."""
+        """Return the rotations parent from child, shape (n_frames, 3, 3)."""
         return self.free
 
     def axes(self) -> None:
         """Return None: there are no axes."""
 
     def slopes(self) -> tuple[Floats, Floats]:
-        """Return no constants, and three free rotations (Rodrigues)."""
+        """Return the derivatives of small rotations [rad] by no constants, and by three free rotations (Rodrigues)."""
         n_frames = len(self.free)
         return np.zeros((n_frames, 3, 0)), np.tile(np.eye(3), (n_frames, 1, 1))
 
@@ -146,17 +108,18 @@ class ConstrainedRotation:
         return first, first @ matrix_from_vector(self.between * X) @ about_z(self.angles[:, 1])
 
     def rotations(self) -> Floats:
-        """Return the rotations."""
+        """Return the rotations parent from child, shape (n_frames, 3, 3)."""
         return np.asarray(self._turned()[1] @ self.in_child.T)
 
     def axes(self) -> tuple[Floats, Floats] | None:
-        """Return the axis in the parent and in the child; None for a rigid joint."""
+        """Return the unit axis fixed in the parent and that fixed in the child; None for a rigid joint."""
         return (self.in_parent[:, 2], self.in_child[:, 2]) if self.n_angles else None
 
     def slopes(self) -> tuple[Floats, Floats]:
-        """Return tilts of both axes (two each) and the angle between them, and the rotations about them.
+        """Return the derivatives of small rotations [rad] by the constants and by the angles of the frame.
 
-        A rigid joint has three rotations, and no angles.
+        The constants are tilts of both axes (two each) and the angle between them; a rigid joint has three rotations,
+        and no angles. Shapes (n_frames, 3, n_constants) and (n_frames, 3, n_angles).
         """
         first, both = self._turned()
         own = np.tile(self.in_parent, (len(self.angles), 1, 1))
@@ -180,6 +143,10 @@ class ConstrainedRotation:
             return replace(self, in_parent=matrix_from_vector(constants) @ self.in_parent)
         in_parent, in_child = _tilted(self.in_parent, constants[:2]), _tilted(self.in_child, constants[2:4])
         return ConstrainedRotation(in_parent, in_child, self.between + float(constants[4:].sum()), self.angles + angles)
+
+
+JointRotation = BallRotation | ConstrainedRotation
+"""Rotations parent from child of all frames, as one type of joint allows them."""
 
 
 def about_z(angles: Floats) -> Floats:

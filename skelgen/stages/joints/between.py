@@ -79,7 +79,7 @@ class _Joints:
         given = [self.guesses[min(pair), max(pair)].positions for pair in pairs]
         if {len(place) for place in given} != {len(self.segments[third].points)}:  # some are of other frames
             return False
-        middles = [(_middle(self.segments[limb]) + _middle(self.segments[mate])) / 2 for limb, mate in pairs]
+        middles = [(self.segments[limb].middle + self.segments[mate].middle) / 2 for limb, mate in pairs]
         half_way = [self._slid(*pair, middle) for pair, middle in zip(pairs, middles, strict=True)]
         beside = [given[0], *(self._slid(*pair, given[0]) for pair in pairs[1:])]
         noise = max(self.guesses[min(pair), max(pair)].expected for pair in pairs[1:])
@@ -120,9 +120,3 @@ def _is_first_between(places: Sequence[Floats], least: float) -> bool:
     usual, *parts = (float(np.median(length)) for length in (apart, *ways))
     is_on_line = bool(np.median(ways[0] + ways[1] - apart) <= ON_LINE * usual)
     return is_on_line and min(parts) >= INSIDE * usual and usual > least
-
-
-def _middle(limb: Segment) -> Floats:
-    """Where the middle of a limb is [mm], shape (n_frames, 3)."""
-    poses = limb.shape.world_from_limb
-    return np.asarray(poses[:, :3, :3] @ limb.centre + poses[:, :3, 3])

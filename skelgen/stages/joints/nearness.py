@@ -32,73 +32,32 @@ SUREST = 8.0
 APART = -100.0
 """Log odds that limbs of two bodies are joined: they are not, and are not tried."""
 
-FEATURES = (
-    "how far",
-    "how unsteady",
-    "product",
-    "how far / nearest of the limb that has one nearer",
-    "how far / nearest of the other",
-    "how unsteady / steadiest of the limb that has one steadier",
-    "how unsteady / steadiest of the other",
-    "product / least of the limb that has one less",
-    "product / least of the other",
-    "how far / longest step of the way with the shortest steps",
-    "how unsteady / most unsteady step of the steadiest way",
-    "product / largest step of the least way",
-    "limbs nearer to both",
-    "limbs steadier to both",
-    "limbs of less product with both",
-    "how far in the mean / how far",
-    "how many have one marker",
-    "whether both have one marker",
-)
-"""What the columns of `neighbour_features` hold: logarithms, but for the last two. How far is the largest usual
-distance of the two markers for which that is least, how unsteady its deviation likewise; the product is the square of
-the first times the second. All are in units of the median over limbs and their nearest."""
-
 # Learned by tests/benchmarks/learn_nearness.py
 BIAS = 5.020
-WEIGHTS = (
-    -1.777,
-    1.108,
-    0.235,
-    -1.155,
-    0.181,
-    -0.518,
-    -0.495,
-    -0.143,
-    -0.284,
-    -5.134,
-    -1.229,
-    -0.042,
-    0.883,
-    -1.053,
-    -2.230,
-    9.330,
-    1.119,
-    -0.787,
-)
-SQUARE_WEIGHTS = (
-    -0.316,
-    0.056,
-    -0.010,
-    0.078,
-    -0.632,
-    -0.037,
-    -0.071,
-    0.036,
-    0.056,
-    1.010,
-    -0.113,
-    0.170,
-    -0.266,
-    0.341,
-    0.782,
-    3.937,
-    0.449,
-    -0.787,
-)
-
+WEIGHTS = {
+    "how far": (-1.777, -0.316),
+    "how unsteady": (1.108, 0.056),
+    "product": (0.235, -0.010),
+    "how far / nearest of the limb that has one nearer": (-1.155, 0.078),
+    "how far / nearest of the other": (0.181, -0.632),
+    "how unsteady / steadiest of the limb that has one steadier": (-0.518, -0.037),
+    "how unsteady / steadiest of the other": (-0.495, -0.071),
+    "product / least of the limb that has one less": (-0.143, 0.036),
+    "product / least of the other": (-0.284, 0.056),
+    "how far / longest step of the way with the shortest steps": (-5.134, 1.010),
+    "how unsteady / most unsteady step of the steadiest way": (-1.229, -0.113),
+    "product / largest step of the least way": (-0.042, 0.170),
+    "limbs nearer to both": (0.883, -0.266),
+    "limbs steadier to both": (-1.053, 0.341),
+    "limbs of less product with both": (-2.230, 0.782),
+    "how far in the mean / how far": (9.330, 3.937),
+    "how many have one marker": (1.119, 0.449),
+    "whether both have one marker": (-0.787, -0.787),
+}
+"""What the columns of `neighbour_features` hold, with the weights of each and of its square: logarithms, but for the
+last two. How far is the largest usual distance of the two markers for which that is least, how unsteady its deviation
+likewise; the product is the square of the first times the second. All are in units of the median over limbs and their
+nearest."""
 
 TRACE = 1e-9
 """Part of the odds beyond the surest that is kept: so little changes no decision, but keeps the order of far limbs."""
@@ -134,7 +93,8 @@ def _odds_within(segments: Sequence[Segment], frames: Ints) -> Floats:
     if len(segments) < ENOUGH_LIMBS:
         return np.zeros((len(segments), len(segments)))
     features = neighbour_features([segment.markers[evenly_spread(frames, LOOKED_AT)] for segment in segments])
-    odds = BIAS + features @ np.array(WEIGHTS) + features**2 @ np.array(SQUARE_WEIGHTS)
+    weights, of_squares = (np.array(column) for column in zip(*WEIGHTS.values(), strict=True))
+    odds = BIAS + features @ weights + features**2 @ of_squares
     odds = np.clip(np.nan_to_num(odds + odds.T) / 2, -SUREST / TRACE, SUREST / TRACE)
     odds = np.clip(odds, -SUREST, SUREST) + TRACE * odds
     np.fill_diagonal(odds, 0.0)

@@ -125,11 +125,7 @@ def sliding_range(first: Segment, second: Segment, typical: float) -> float:
 
 def _distance(first: Segment, second: Segment) -> float:
     """Usual distance [mm] of the middles of two limbs that have poses."""
-    one, other = (
-        limb.shape.world_from_limb[:, :3, :3] @ limb.centre + limb.shape.world_from_limb[:, :3, 3]
-        for limb in (first, second)
-    )
-    return float(np.nanmedian(np.linalg.norm(one - other, axis=1)))
+    return float(np.nanmedian(np.linalg.norm(first.middle - second.middle, axis=1)))
 
 
 def _lines(first: Segment, second: Segment, one: Floats, other: Floats, gaps: Floats) -> Iterator[Floats]:

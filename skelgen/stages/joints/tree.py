@@ -137,13 +137,11 @@ def find_tree(
     cut = [edge for edge in false if (min(edge), max(edge)) not in constraints.joined]
     if not cut:
         return Tree(parents, known, [])
-    kept = np.full_like(allowed, np.inf)
-    for child in np.flatnonzero(parents >= 0).tolist():
-        parent = int(parents[child])
-        if (parent, child) not in cut:
-            kept[child, parent] = kept[parent, child] = allowed[child, parent]
+    edges = _edges_of(parents)
+    for parent, child in cut:
+        edges[parent, child] = edges[child, parent] = False
     slides = {} if parting is None else {edge: one for edge in cut if (one := _slide(edge, parents, parting.slides))}
-    return Tree(spanning_forest(kept, markers, constraints.roots), known, cut, slides)
+    return Tree(spanning_forest(np.where(edges, allowed, np.inf), markers, constraints.roots), known, cut, slides)
 
 
 def _slide(edge: Pair, parents: Ints, slides: Mapping[Pair, float]) -> tuple[Pair, float] | None:
@@ -182,9 +180,7 @@ def past_single_markers(parents: Ints, costs: JointCosts, markers: Ints, joined:
         return None
     gaps = np.sqrt(costs.squares)
     fits = gaps <= PAST * np.median(gaps[children, parents[children]])
-    edges = np.zeros(costs.order.shape, dtype=np.bool_)
-    edges[children, parents[children]] = edges[parents[children], children] = True
-    before = edges.copy()
+    edges = before = _edges_of(parents)
     for limb in np.flatnonzero(markers == 1).tolist():
         around = np.flatnonzero(edges[limb])
         if len(around) < 2 or any(limb in pair for pair in joined):
@@ -204,13 +200,16 @@ def _joined_without(limb: int, edges: Bools, order: Floats) -> Bools | None:
     rest = np.arange(len(edges)) != limb
     others = rest[:, np.newaxis] & rest
     parents = spanning_forest(np.where(others, np.where(edges, KEPT, order), np.inf))
+    found = _edges_of(parents)
+    return None if found.sum() < edges.sum() - 2 else found
+
+
+def _edges_of(parents: Ints) -> Bools:
+    """Which limbs a tree joins, shape (n_limbs, n_limbs), symmetric."""
+    edges = np.zeros((len(parents), len(parents)), dtype=np.bool_)
     children = np.flatnonzero(parents >= 0)
-    n_edges = int(edges.sum()) // 2
-    if len(children) < n_edges - 1:
-        return None
-    found = np.zeros_like(edges)
-    found[children, parents[children]] = found[parents[children], children] = True
-    return found
+    edges[children, parents[children]] = edges[parents[children], children] = True
+    return edges
 
 
 def _false_joints(parents: Ints, costs: JointCosts, guesses: Mapping[Pair, JointGuess], parting: Parting) -> list[Pair]:

@@ -186,22 +186,24 @@ def points_in_frames(cloud: PointCloud, frames: Ints) -> tuple[Ints, Ints]:
     return numbers_between(cloud.frame_starts[frames], cloud.frame_starts[frames + 1])
 
 
-def seen_together(block: Block, marker: Ints, n_markers: int) -> Floats:
-    """Number of frames of a block in which two markers are seen together, shape (n_markers, n_markers).
+def seen_together(cloud: PointCloud, marker_of_point: Ints, n_markers: int) -> Floats:
+    """Number of frames in which two markers are seen together, shape (n_markers, n_markers).
 
     Parameters
     ----------
-    block : Block
-        The frames.
-    marker : ndarray of intp, shape (n_points,)
-        Marker of each of the block's points, -1 for none.
+    cloud : PointCloud
+        The take.
+    marker_of_point : ndarray of intp, shape (n_points,)
+        Marker of each point, -1 for none.
     n_markers : int
         Number of markers.
     """
-    seen = np.zeros((block.n_frames, n_markers))
-    owned = marker >= 0
-    seen[block.frames[owned], marker[owned]] = 1.0
-    return seen.T @ seen
+    together = np.zeros((n_markers, n_markers))
+    for block in blocks_of(cloud):
+        seen, marker = np.zeros((block.n_frames, n_markers)), marker_of_point[block.points]
+        seen[block.frames[marker >= 0], marker[marker >= 0]] = 1.0
+        together += seen.T @ seen
+    return together
 
 
 def marker_names(n_markers: int) -> tuple[str, ...]:

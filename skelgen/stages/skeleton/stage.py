@@ -12,6 +12,7 @@ import numpy as np
 
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import transform_from
+from skelgen.geometry.statistics import spread_of_markers
 from skelgen.kinematics.calibration.limb_errors import deviations
 from skelgen.kinematics.inverse.motion import MotionAngles
 from skelgen.kinematics.joints.observability import covariance_of_place, observed_joints, open_directions, size_of_limb
@@ -165,12 +166,11 @@ def _make_skeleton(fitted: list[FittedBody], limbs: Limbs, topology: Topology) -
     spread, noise, offset_std = (np.full(shape, np.nan) for shape in (limbs.n_markers, limbs.n_markers, offsets.shape))
     reference = np.tile(np.eye(4), (topology.n_limbs, 1, 1))
     joint_above: dict[int, Joint] = {}
+    n_open = np.zeros(topology.n_limbs, dtype=np.intp)
     for one in fitted:
         offsets[one.body.markers] = one.chain.offsets
         error = one.body.positions - one.poses.markers(one.chain)
-        seen = ~np.isnan(error[:, :, 0])
-        squares = np.where(seen[..., np.newaxis], error, 0.0) ** 2
-        spread[one.body.markers] = np.sqrt(squares.sum(axis=(0, 2)) / np.maximum(3 * seen.sum(axis=0), 1))
+        spread[one.body.markers] = np.nan_to_num(spread_of_markers(error))
         noise[one.body.markers] = one.noise
         stds = np.zeros_like(one.chain.offsets)
         for limb in range(one.chain.n_limbs):
@@ -179,6 +179,8 @@ def _make_skeleton(fitted: list[FittedBody], limbs: Limbs, topology: Topology) -
         offset_std[one.body.markers] = stds
         reference[one.body.limbs, :3, 3] = one.poses[np.array([one.reference])].origins(one.chain)[0]
         joint_above |= _joints(one)
+        if one.n_open is not None:
+            n_open[one.body.limbs] = one.n_open
     skeleton = Skeleton(
         parents=topology.parents,
         joints=tuple(joint_above[int(child)] for child in topology.children),
@@ -190,13 +192,7 @@ def _make_skeleton(fitted: list[FittedBody], limbs: Limbs, topology: Topology) -
         marker_noise=noise,
         loops=tuple(joint for one in fitted if one.loops is not None for joint in _loop_joints(one, one.loops)),
     )
-    n_open = {
-        int(limb): int(n)
-        for one in fitted
-        if one.n_open is not None
-        for limb, n in zip(one.body.limbs, one.n_open, strict=True)
-    }
-    joints = tuple(_with_open_directions(skeleton, joint, n_open.get(joint.child, 0)) for joint in skeleton.joints)
+    joints = tuple(_with_open_directions(skeleton, joint, int(n_open[joint.child])) for joint in skeleton.joints)
     return replace(skeleton, joints=joints, length_std=_length_std(fitted, skeleton))
 
 

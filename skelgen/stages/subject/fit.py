@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from skelgen.geometry.statistics import spread_of_markers
 from skelgen.kinematics.inverse.inverse_kinematics import posture_of
 from skelgen.kinematics.inverse.motion import MotionAngles
 from skelgen.model import Limbs, Motion, PointCloud, Project, Skeleton, Trajectories
@@ -125,8 +126,8 @@ def fit_subject(
     monitor.begin("poses of the subject")
     found = _found(take, names, labels)
     edits = apply_corrections(found, corrections, by_subject=True)
-    positions, all_names = edits.trajectories.positions, edits.trajectories.names
-    new = (*labels.new, *(_of_no_limb(name) for name in all_names[found.n_markers :]))
+    positions = edits.trajectories.positions
+    new = (*labels.new, *(_of_no_limb(name) for name in edits.trajectories.names[found.n_markers :]))
     moved_tracks = [one.marker for one in labels.moved]
     test, moved, freer = _compared(subject, positions[:, : len(names)], moved_tracks, posing)
     skeleton = _with_new(with_free_joints(calibrated, freer), new)
@@ -139,8 +140,7 @@ def fit_subject(
     seen = ~np.isnan(positions[:, : len(names), 0]).all(axis=0)
     missing = tuple(np.flatnonzero(~seen & (calibrated.limb_of_marker >= 0)).tolist())
     size = take_changes.compare_sizes(calibrated, positions[:, : len(names)])
-    changes = _Changes(all_names, skeleton, moved, shifts, missing, freer, new, size)
-    return SubjectFit(
+    fit = SubjectFit(
         trajectories=replace(edits.trajectories, notices=take.notices),
         skeleton=skeleton,
         motion=subject_motion(skeleton, poses, positions, take.rate),
@@ -150,9 +150,11 @@ def fit_subject(
         moved=moved,
         shifts=shifts,
         missing=missing,
-        notices=(*_notices(labels, changes, test), *_renamed_notices(labels, found.names), *edits.notices),
-        is_other_subject=_is_other(moved, test),
+        notices=(),
+        is_other_subject=bool(moved) and len(moved) >= OTHER_SUBJECT * test.n_tested,
     )
+    notices = (*_notices(fit, test, size, freer, new), *_renamed_notices(labels, found.names), *edits.notices)
+    return replace(fit, notices=notices)
 
 
 def reposed_subject(skeleton: Skeleton, trajectories: Trajectories) -> tuple[Skeleton, Motion]:
@@ -200,20 +202,6 @@ def subject_motion(skeleton: Skeleton, poses: SkeletonPoses, measured: Floats, r
     blocks = [np.arange(first, min(first + BLOCK_FRAMES, len(measured))) for first in starts]
     stds = [posture_of(skeleton, motion, poses.inliers, block).joint_std for block in blocks]
     return replace(motion, joint_std=np.concatenate(stds))
-
-
-@dataclass(frozen=True, eq=False)
-class _Changes:
-    """How a take differs from the calibrated one; see `SubjectFit`."""
-
-    names: tuple[str, ...]
-    skeleton: Skeleton
-    moved: tuple[int, ...]
-    shifts: Floats
-    missing: tuple[int, ...]
-    freer: tuple[int, ...]
-    new: tuple[PlacedTrack, ...]
-    size: take_changes.SizeTest
 
 
 def _found(take: PointCloud | Trajectories, names: tuple[str, ...], labels: SubjectLabels) -> Trajectories:
@@ -301,34 +289,37 @@ def _replaced(skeleton: Skeleton, poses: SkeletonPoses, positions: Floats, moved
 
 def _with_deviations(skeleton: Skeleton, poses: SkeletonPoses, positions: Floats) -> Skeleton:
     """The skeleton with the deviations of markers that this take shows."""
-    error = poses.local(skeleton, positions) - skeleton.marker_offsets
-    seen = ~np.isnan(error[:, :, 0])
-    squares = np.where(seen[..., np.newaxis], error, 0.0) ** 2
-    spread = np.sqrt(squares.sum(axis=(0, 2)) / np.maximum(3 * seen.sum(axis=0), 1))
-    return replace(skeleton, marker_std=np.where(seen.any(axis=0), spread, skeleton.marker_std))
+    spread = spread_of_markers(poses.local(skeleton, positions) - skeleton.marker_offsets)
+    return replace(skeleton, marker_std=np.where(np.isnan(spread), skeleton.marker_std, spread))
 
 
-def _is_other(moved: tuple[int, ...], test: take_changes.PlaceTest) -> bool:
-    """Whether so many markers sit elsewhere that this is not the subject with its markers."""
-    return bool(moved) and len(moved) >= OTHER_SUBJECT * test.n_tested
-
-
-def _notices(labels: SubjectLabels, changes: _Changes, test: take_changes.PlaceTest) -> Iterator[str]:
+def _notices(
+    fit: SubjectFit,
+    test: take_changes.PlaceTest,
+    size: take_changes.SizeTest,
+    freer: tuple[int, ...],
+    new: tuple[PlacedTrack, ...],
+) -> Iterator[str]:
     """Say in whole sentences how a take differs from the calibrated one."""
-    names, skeleton = changes.names, changes.skeleton
+    labels, skeleton = fit.labels, fit.skeleton
     how = "its names and the subject's skeleton" if labels.by_name else "the subject's skeleton"
     yield f"labelled by {how}, which explains {100 * labels.explained:.1f} % of the positions that it could"
-    yield from _moved_notices(changes, test)
-    yield from _size_notices(changes.size)
-    yield from _missing_notices(changes)
+    yield from _moved_notices(fit, test.n_tested)
+    if size.is_other_size:
+        what = "larger" if size.factor > 1.0 else "smaller"
+        yield (
+            f"{size.n_alike} of {size.n_limbs} limbs are {what} than in the calibrated take, by "
+            f"{100 * abs(size.factor - 1.0):.1f} % in the median: this is another body; calibrate this take by itself"
+        )
+    yield from _missing_notices(fit)
     yield from labels.alike_bodies
-    if changes.freer:
-        parts = ", ".join(skeleton.joint_name(skeleton.joints[index]) for index in changes.freer)
+    if freer:
+        parts = ", ".join(skeleton.joint_name(skeleton.joints[index]) for index in freer)
         yield f"joints that turn in more ways than the calibrated take showed, ball joints here: {parts}"
-    if changes.new:
+    if new:
         parts = ", ".join(
             f"{name} on limb {one.limb}" if one.limb >= 0 else f"{name} on no limb"
-            for name, one in zip(names[len(changes.shifts) :], changes.new, strict=True)
+            for name, one in zip(fit.trajectories.names[len(fit.shifts) :], new, strict=True)
         )
         yield f"markers that the skeleton does not know: {parts}"
     n_left = int((labels.marker_of_point < 0).sum())
@@ -338,9 +329,9 @@ def _notices(labels: SubjectLabels, changes: _Changes, test: take_changes.PlaceT
         yield counted(n_left, f"point {part} {one}", f"points {part} {several}")
 
 
-def _missing_notices(changes: _Changes) -> Iterator[str]:
+def _missing_notices(fit: SubjectFit) -> Iterator[str]:
     """Which bodies and markers of the skeleton no frame shows."""
-    skeleton, missing = changes.skeleton, set(changes.missing)
+    skeleton, missing = fit.skeleton, set(fit.missing)
     bodies = skeleton.bodies
     for name, limbs in zip(names_of_bodies(bodies, skeleton.limb_names), bodies, strict=True):
         own = set(np.flatnonzero(np.isin(skeleton.limb_of_marker, limbs)).tolist())
@@ -348,38 +339,29 @@ def _missing_notices(changes: _Changes) -> Iterator[str]:
             missing -= own
             yield f"no frame shows {name}: leave its skeleton out"
     if missing:
-        parts = ", ".join(changes.names[marker] for marker in sorted(missing))
+        parts = ", ".join(fit.trajectories.names[marker] for marker in sorted(missing))
         yield f"markers of the skeleton that no frame shows: {parts}"
 
 
-def _moved_notices(changes: _Changes, test: take_changes.PlaceTest) -> Iterator[str]:
-    moved, shifts = changes.moved, changes.shifts
-    if _is_other(moved, test):
+def _moved_notices(fit: SubjectFit, n_tested: int) -> Iterator[str]:
+    moved, shifts, names = fit.moved, fit.shifts, fit.trajectories.names
+    if fit.is_other_subject:
         yield (
-            f"{len(moved)} of {test.n_tested} markers sit elsewhere on their limbs than in the calibrated take "
+            f"{len(moved)} of {n_tested} markers sit elsewhere on their limbs than in the calibrated take "
             f"(Hotelling's test, all together at a level of {take_changes.LEVEL:g}): this is another body, or the "
             "markers were put on anew; calibrate this take by itself"
         )
     elif moved:
         largest_first = sorted(moved, key=lambda marker: -shifts[marker])
-        parts = ", ".join(f"{changes.names[marker]} by {shifts[marker]:.1f} mm" for marker in largest_first)
+        parts = ", ".join(f"{names[marker]} by {shifts[marker]:.1f} mm" for marker in largest_first)
         yield f"moved on their limbs since the calibrated take, and placed anew: {parts}"
-        limbs = changes.skeleton.limb_of_marker
+        limbs = fit.skeleton.limb_of_marker
         n_limbs, n_touched = len(np.unique(limbs[limbs >= 0])), len(np.unique(limbs[list(moved)]))
         if n_touched > MANY_LIMBS * n_limbs:
             yield (
                 f"that concerns {n_touched} of {n_limbs} limbs: unless so many markers can have slipped, this is "
                 "another body"
             )
-
-
-def _size_notices(size: take_changes.SizeTest) -> Iterator[str]:
-    if size.is_other_size:
-        what = "larger" if size.factor > 1.0 else "smaller"
-        yield (
-            f"{size.n_alike} of {size.n_limbs} limbs are {what} than in the calibrated take, by "
-            f"{100 * abs(size.factor - 1.0):.1f} % in the median: this is another body; calibrate this take by itself"
-        )
 
 
 def _renamed_notices(labels: SubjectLabels, names: tuple[str, ...]) -> Iterator[str]:

@@ -1,6 +1,6 @@
 """Tracks that a subject's skeleton does not explain: markers that moved on their limb, or markers that are new."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -69,7 +69,7 @@ def place_tracks(
         The marker that a track is by its name.
     """
     gate = float(np.median(gates))
-    found = _joined(_alone(points, marker_of_point, skeleton, poses, gate), points, gate)
+    found = _joined(_alone(points, marker_of_point, poses, gate), points, gate)
     seen = np.zeros((points.cloud.n_frames, len(skeleton.limb_of_marker)), dtype=np.bool_)
     seen[points.frames[marker_of_point >= 0], marker_of_point[marker_of_point >= 0]] = True
     moved: list[PlacedTrack] = []
@@ -82,22 +82,16 @@ def place_tracks(
         on_limb = skeleton.markers_of(one.limb).tolist() if one.limb >= 0 else []
         candidates = [m for m in on_limb if absent[m] and m not in taken]
         if named >= 0 and absent[named] and named not in taken:
-            moved.append(_as(one, named))
+            moved.append(replace(one, marker=named))
         elif candidates:
             apart = np.linalg.norm(skeleton.marker_offsets[candidates] - one.place, axis=1)
-            moved.append(_as(one, candidates[int(np.argmin(apart))]))
+            moved.append(replace(one, marker=candidates[int(np.argmin(apart))]))
         else:
             new.append(one)
     return tuple(moved), tuple(new)
 
 
-def _as(one: PlacedTrack, marker: int) -> PlacedTrack:
-    return PlacedTrack(one.points, one.limb, one.place, one.spread, marker, one.name)
-
-
-def _alone(
-    points: FollowedPoints, marker_of_point: Ints, skeleton: Skeleton, poses: SkeletonPoses, gate: float
-) -> list[PlacedTrack]:
+def _alone(points: FollowedPoints, marker_of_point: Ints, poses: SkeletonPoses, gate: float) -> list[PlacedTrack]:
     """Tracks without a marker that are seen for long: on the limb on which they stay, or on none."""
     left = np.flatnonzero((marker_of_point < 0) & (points.tracks >= 0))
     lengths = np.bincount(points.tracks[points.tracks >= 0])
@@ -131,7 +125,7 @@ def _joined(found: list[PlacedTrack], points: FollowedPoints, gate: float) -> li
             near = one.limb >= 0 and one.limb == other.limb and np.linalg.norm(one.place - other.place) < gate
             if near and not points.names and not np.isin(points.frames[one.points], points.frames[other.points]).any():
                 both = np.sort(np.concatenate([other.points, one.points]))
-                joined[index] = PlacedTrack(both, other.limb, other.place, other.spread, -1, other.name)
+                joined[index] = replace(other, points=both)
                 break
         else:
             joined.append(one)

@@ -65,15 +65,25 @@ class BodyLabels:
         return np.bincount(self.points.frames[self.marker_of_point >= 0], minlength=self.points.cloud.n_frames)
 
     @cached_property
+    def _shown(self) -> tuple[Ints, Ints]:
+        """Number of points of each body in each frame, shape (n_frames, n_bodies), and of markers that each carries."""
+        skeleton, owned = self.skeleton, self.marker_of_point >= 0
+        frames, marker = self.points.frames[owned], self.marker_of_point[owned]
+        own = [np.isin(skeleton.limb_of_marker, limbs) for limbs in skeleton.bodies]
+        shown = [np.bincount(frames[is_own[marker]], minlength=self.points.cloud.n_frames) for is_own in own]
+        return np.column_stack(shown), np.sum(own, axis=1)
+
+    @property
+    def shown(self) -> Bools:
+        """Whether a frame shows at least `PRESENT_SHARE` of the markers of each body, shape (n_frames, n_bodies)."""
+        n_points, n_markers = self._shown
+        return np.asarray(n_points >= np.maximum(PRESENT_SHARE * n_markers, 1))
+
+    @property
     def _in_parts(self) -> Ints:
         """Number of points of bodies that a frame shows by less than `PRESENT_SHARE` of their markers, (n_frames,)."""
-        frames, owned = self.points.frames, self.marker_of_point >= 0
-        found = np.zeros(self.points.cloud.n_frames, dtype=np.intp)
-        for limbs in self.skeleton.bodies:
-            is_own = np.isin(self.skeleton.limb_of_marker, limbs)
-            shown = np.bincount(frames[owned & is_own[self.marker_of_point]], minlength=len(found))
-            found += np.where(shown < PRESENT_SHARE * is_own.sum(), shown, 0)
-        return found
+        n_points, n_markers = self._shown
+        return np.asarray(np.where(n_points < PRESENT_SHARE * n_markers, n_points, 0).sum(axis=1))
 
     @property
     def n_parts(self) -> int:
@@ -188,13 +198,12 @@ def _choice(rivals: dict[int, BodyLabels], absent: list[int], names: tuple[str, 
 
 def _exchangeable(labels: BodyLabels, label: Label, names: tuple[str, ...]) -> Iterator[str]:
     """Say of which bodies that are there each fits the markers of another one as well: these may be exchanged."""
-    shown = _shown(labels)
+    shown = labels.shown
     there = [] if labels.by_name else np.flatnonzero(shown.sum(axis=0) >= LEAST_FRAMES).tolist()
     while there:
         first, fits = there[0], {}
         for other in there[1:]:
-            pairs = ((first, other), (other, first))
-            both = [_fit_of_other(labels, label, *pair, shown) for pair in pairs]
+            both = [_fit_of_other(labels, label, *pair) for pair in ((first, other), (other, first))]
             if all(by_other <= ALIKE * own for own, by_other in both):
                 fits[other] = np.mean(both, axis=0)
         alike = [first, *fits]
@@ -220,18 +229,7 @@ def _changing_places(shown: Bools) -> str:
     return f"; they may change places at {at} {words}, before which two of them are not seen"
 
 
-def _shown(labels: BodyLabels) -> Bools:
-    """Whether a frame shows at least `PRESENT_SHARE` of the markers of each body, shape (n_frames, n_bodies)."""
-    frames, owned = labels.points.frames, labels.marker_of_point >= 0
-    columns = []
-    for limbs in labels.skeleton.bodies:
-        is_own = np.isin(labels.skeleton.limb_of_marker, limbs)
-        n_points = np.bincount(frames[owned & is_own[labels.marker_of_point]], minlength=labels.points.cloud.n_frames)
-        columns.append(n_points >= max(PRESENT_SHARE * is_own.sum(), 1))
-    return np.column_stack(columns)
-
-
-def _fit_of_other(labels: BodyLabels, label: Label, body: int, other: int, shown: Bools) -> tuple[float, float]:
+def _fit_of_other(labels: BodyLabels, label: Label, body: int, other: int) -> tuple[float, float]:
     """Median distance [mm] of some points of a body from their places by its own skeleton, and by that of another one.
 
     The latter is infinite if the other skeleton explains fewer of them.
@@ -239,7 +237,7 @@ def _fit_of_other(labels: BodyLabels, label: Label, body: int, other: int, shown
     skeleton, points = labels.skeleton, labels.points
     own, limbs = skeleton.bodies[body], skeleton.bodies[other]
     limb_of_point = np.where(labels.marker_of_point >= 0, skeleton.limb_of_marker[labels.marker_of_point], -1)
-    frames = np.flatnonzero(shown[:, body])[:TRIED_FRAMES]
+    frames = np.flatnonzero(labels.shown[:, body])[:TRIED_FRAMES]
     kept = np.flatnonzero(np.isin(limb_of_point, own) & np.isin(points.frames, frames))
     some = _some_of(points, kept)
     by_own, by_other = (label(_with_bodies(skeleton, each), some) for each in (own, limbs))

@@ -12,7 +12,7 @@ from skelgen.progress import SILENT
 from skelgen.simulation import simulate
 from skelgen.stages.labels.by_skeleton.again import label_again
 from skelgen.stages.labels.merging.followed import FollowedCloud
-from skelgen.stages.labels.merging.fusing import fused_labels
+from skelgen.stages.labels.merging.judging import fused_labels
 from skelgen.stages.labels.parameters import LabelParameters
 from skelgen.stages.labels.tracking.follow import follow_points
 from skelgen.stages.labels.tracking.statistics import typical_spacing

@@ -7,7 +7,8 @@ import pytest
 
 from skelgen.model import PointCloud
 from skelgen.stages.labels.merging.followed import FollowedCloud
-from skelgen.stages.labels.merging.markers import LEAST_POINTS, merge_again, seen_at_once, with_leftovers
+from skelgen.stages.labels.merging.markers import LEAST_POINTS, merge_again, with_leftovers
+from skelgen.stages.labels.point_labels import seen_together
 
 N_FRAMES, RATE, SPACING = 400, 100.0, 80.0
 
@@ -56,6 +57,6 @@ def test_markers_that_are_seen_at_once_are_known(body):
     frames = np.repeat(np.arange(N_FRAMES), 6)
     marker = np.where((truth == 0) & (frames >= 200), -1, truth)
     marker[(truth == 1) & (frames < 200)] = -1
-    together = seen_at_once(cloud, marker, 6)
+    together = seen_together(cloud, marker, 6) > 0
     assert not together[0, 1]
     assert together[2:, 2:].all()

@@ -3,7 +3,7 @@
 Tracklets, limbs, tree and poses improve one another (Schönauer 2007, 6.1). Labels that are mostly right imply a
 skeleton that is mostly right; followed from frame to frame, its pose says who is who where whole limbs come back after
 they were hidden, and where points are too fast for tracks. If these labels explain more of the take than those before,
-the better of both is kept part by part (`merging.fusing`), so that nothing is lost.
+the better of both is kept part by part (`merging.judging`), so that nothing is lost.
 """
 
 from dataclasses import replace
@@ -21,8 +21,7 @@ from skelgen.stages.labels.by_skeleton.points import FollowedPoints
 from skelgen.stages.labels.by_skeleton.posing import with_free_joints
 from skelgen.stages.labels.confidence import label_quality
 from skelgen.stages.labels.merging.followed import FollowedCloud
-from skelgen.stages.labels.merging.fusing import fused_labels
-from skelgen.stages.labels.merging.judging import better_labels
+from skelgen.stages.labels.merging.judging import better_labels, fused_labels
 from skelgen.stages.labels.merging.leftovers import label_rest
 from skelgen.stages.labels.merging.turns import put_right
 from skelgen.stages.limbs import LimbParameters, find_limbs

@@ -77,8 +77,8 @@ class DistanceRecord:
         self.apart = apart | np.eye(len(count), dtype=bool)
         self.prior = np.zeros(count.shape) if prior is None else prior
         self._decides = decides
-        self.deviations = _usual_deviations(*self._moments(slice(None)), count, spacing)
         self.mean, self.scatter = self._moments(slice(None))
+        self.deviations = _usual_deviations(self.scatter, count, spacing)
         self.witness = witness_weights(count, self.scatter, self.deviations)
         np.fill_diagonal(self.witness, 0.0)
         self._is_witness = (self.witness > 0.0).astype(np.float32)  # of which products count quickly
@@ -271,7 +271,7 @@ def _links(record: DistanceRecord, counts_loose: bool) -> Floats:
     return link
 
 
-def _usual_deviations(mean: Floats, scatter: Floats, count: Floats, spacing: float) -> UsualDeviations:
+def _usual_deviations(scatter: Floats, count: Floats, spacing: float) -> UsualDeviations:
     """The take's own deviations: about one rigid partner for each tracklet, and the median of all pairs."""
     pairs = np.triu(count >= SEEN_ENOUGH, 1)
     deviation = np.sort(np.sqrt(scatter[pairs] / (count[pairs] - 1.0)))

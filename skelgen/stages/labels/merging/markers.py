@@ -81,7 +81,7 @@ def merge_again(take: FollowedCloud, marker_of_point: Ints) -> Ints:
     sums = take.distances(extended)
     apart = sums[0] > 0
     if n_extended > n_markers:  # short tracks may lie between the sampled frames
-        meeting = seen_at_once(take.cloud, extended, n_extended)
+        meeting = point_labels.seen_together(take.cloud, extended, n_extended) > 0
         meeting[:n_markers, :n_markers] = False
         apart |= meeting
     gaps = take.continuity(extended) if take.has_few_moments else None
@@ -113,24 +113,6 @@ def with_leftovers(track_of_point: Ints, marker_of_point: Ints) -> Ints:
     result = marker_of_point.copy()
     result[free] = number[place]
     return result
-
-
-def seen_at_once(cloud: PointCloud, marker_of_point: Ints, n_markers: int) -> Bools:
-    """Tell which markers are ever seen in one frame, shape (n_markers, n_markers).
-
-    Parameters
-    ----------
-    cloud : PointCloud
-        The take.
-    marker_of_point : ndarray of intp, shape (n_points,)
-        Marker of each point, -1 for none.
-    n_markers : int
-        Number of markers.
-    """
-    together = np.zeros((n_markers, n_markers), dtype=bool)
-    for block in point_labels.blocks_of(cloud):
-        together |= point_labels.seen_together(block, marker_of_point[block.points], n_markers) > 0
-    return together
 
 
 def spread_in_room(cloud: PointCloud, marker_of_point: Ints, n_markers: int) -> Floats:
@@ -169,7 +151,8 @@ def may_be_incomplete(take: FollowedCloud, marker_of_point: Ints, seconds: float
     """
     left = take.unlabelled_per_track(marker_of_point)
     n_markers = int(marker_of_point.max(initial=-1)) + 1
-    return bool(left.max() >= seconds * take.rate) or not seen_at_once(take.cloud, marker_of_point, n_markers).all()
+    is_left = bool(left.max() >= seconds * take.rate)
+    return is_left or not (point_labels.seen_together(take.cloud, marker_of_point, n_markers) > 0).all()
 
 
 def _merge_across_pauses(record: DistanceRecord, spread: Floats) -> Ints:
@@ -307,10 +290,7 @@ def join_duplicates(take: FollowedCloud, marker_of_point: Ints) -> Ints:
         Marker of each point, -1 for none; numbered without holes.
     """
     n_markers = int(marker_of_point.max(initial=-1)) + 1
-    together = np.zeros((n_markers, n_markers))
-    for block in point_labels.blocks_of(take.cloud):
-        together += point_labels.seen_together(block, marker_of_point[block.points], n_markers)
-    apart = together > COMMON_FRAMES
+    apart = point_labels.seen_together(take.cloud, marker_of_point, n_markers) > COMMON_FRAMES
     if apart[~np.eye(n_markers, dtype=bool)].all():
         return marker_of_point
     sums = take.distances(marker_of_point)

@@ -239,7 +239,6 @@ def _relabelled(task: LabelTask, marker_of_point: Ints, model: MarkerModel, moni
     weights = point_weights(cloud)
     result = np.full(cloud.n_points, -1, dtype=np.int32)
     new_markers = assignment.NewMarkers(model.gate, model.limits)
-    together = np.zeros((n_markers, n_markers))
     for block in point_labels.blocks_of(cloud):
         points = cloud.points[block.points]
         poses = model.pose(point_labels.marker_positions(cloud, marker_of_point, n_markers, block))
@@ -252,8 +251,8 @@ def _relabelled(task: LabelTask, marker_of_point: Ints, model: MarkerModel, moni
         marker = assignment.fill_single_points(marker, block.frames, explained, block.n_frames)
         new_markers.add(points, block, np.flatnonzero(marker < 0), tracks, poses)
         result[block.points] = marker
-        together += point_labels.seen_together(block, marker, n_markers)
         monitor.advance(block.first + block.n_frames, cloud.n_frames)
+    together = point_labels.seen_together(cloud, result, n_markers)
     merged = assignment.same_places(together, model.offsets, model.limb_of_marker, model.limits)
     result = np.append(merged, -1).astype(np.int32)[result]
     for number, members in enumerate(new_markers.found(cloud.n_frames)):

@@ -10,7 +10,7 @@ from collections import deque
 import numpy as np
 from scipy.spatial import cKDTree
 
-from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.model.arrays import Floats, Ints
 from skelgen.stages.labels.parameters import LabelParameters
 
 MOST_POINTS = 200
@@ -33,6 +33,10 @@ QUANTILE, MARGIN = 0.999, 1.5
 
 LEAST_SPACINGS, MOST_SPACINGS = 0.25, 1.0
 """Bounds of the reach in typical spacings: beyond one an identity is a guess, far below bad points break tracks."""
+
+_TRACK = np.dtype([("level", "f8", 3), ("slope", "f8", 3), ("age", np.intp), ("missed", np.intp), ("number", np.intp)])
+"""A track: where it is [mm] and how it moves [mm per frame], frames for which it was followed, frames since it was
+seen, and its number."""
 
 
 class TrackLabels:
@@ -89,32 +93,25 @@ class Links:
     ----------
     parameters : LabelParameters
         Their `prediction`, `smoothing`, `max_jump` and `max_gap`.
+
+    Attributes
+    ----------
+    spacing : float, mm
+        Typical distance between a point and its nearest neighbour; 1 before any is known.
+    reach : float, mm
+        Farthest that a point may lie from where its track expected it.
     """
 
     def __init__(self, parameters: LabelParameters) -> None:
         importlib.import_module("scipy.optimize")  # now, and not amid the first frames
         self._level_gain, self._slope_gain = parameters.update_gains
         self._max_gap, self._max_jump = parameters.max_gap, parameters.max_jump
-        self._level: Floats = np.empty((0, 3))
-        self._slope: Floats = np.empty((0, 3))
-        self._age: Ints = np.empty(0, dtype=np.intp)
-        self._missed: Ints = np.empty(0, dtype=np.intp)
-        self._number: Ints = np.empty(0, dtype=np.intp)
+        self._tracks = np.zeros(0, dtype=_TRACK)
         self._n_given = 0
         self._innovations: deque[float] = deque(maxlen=REMEMBERED)
         self._spacings: deque[float] = deque(maxlen=RENEWED)
-        self._spacing, self._reach = 1.0, 0.0
+        self.spacing, self.reach = 1.0, 0.0
         self._n_frames = 0
-
-    @property
-    def spacing(self) -> float:
-        """Typical distance [mm] between a point and its nearest neighbour; 1 before any is known."""
-        return self._spacing
-
-    @property
-    def reach(self) -> float:
-        """Farthest [mm] that a point may lie from where its track expected it."""
-        return self._reach
 
     def follow(self, points: Floats, n_steps: int) -> Ints:
         """Follow the tracks into the next frame.
@@ -132,9 +129,11 @@ class Links:
         ndarray of intp, shape (n,)
             Number of the track of each point; numbers are never used again. -1 for points that are not followed.
         """
-        self._missed += n_steps
-        self._keep(self._missed <= np.minimum(self._max_gap, self._age) + 1)
-        expected = self._level + self._missed[:, np.newaxis] * self._slope
+        self._tracks["missed"] += n_steps
+        self._tracks = tracks = self._tracks[
+            self._tracks["missed"] <= np.minimum(self._max_gap, self._tracks["age"]) + 1
+        ]
+        expected = tracks["level"] + tracks["missed"][:, np.newaxis] * tracks["slope"]
         chosen = _nearest(points, expected)
         self._renew(points[chosen])
         numbers = np.full(len(points), -1, dtype=np.intp)
@@ -142,48 +141,40 @@ class Links:
         return numbers
 
     def _followed(self, points: Floats, expected: Floats) -> Ints:
-        rows, columns = _matched(expected, self._reach * np.where(self._age == 1, NEWBORN_REACH, 1.0), points)
+        rows, columns = _matched(expected, self.reach * np.where(self._tracks["age"] == 1, NEWBORN_REACH, 1.0), points)
         numbers = np.full(len(points), -1, dtype=np.intp)
-        numbers[columns] = self._number[rows]
+        numbers[columns] = self._tracks["number"][rows]
         self._correct(rows, points[columns], expected[rows])
         free = np.flatnonzero(numbers < 0)
         numbers[free] = self._begin(points[free])
         return numbers
 
     def _correct(self, rows: Ints, points: Floats, expected: Floats) -> None:
-        error = points - expected
-        new = self._age[rows] == 1
+        error, tracks = points - expected, self._tracks[rows]
+        new = tracks["age"] == 1
         level_gain = np.where(new, 1.0, self._level_gain)[:, np.newaxis]
         slope_gain = np.where(new, float(self._slope_gain > 0), self._slope_gain)[:, np.newaxis]
-        steady = ~new & (self._missed[rows] == 1)
+        steady = ~new & (tracks["missed"] == 1)
         self._innovations.extend((error[steady] ** 2).sum(axis=1).tolist())
-        self._level[rows] = expected + level_gain * error
-        self._slope[rows] += slope_gain * error / self._missed[rows, np.newaxis]
-        self._age[rows] += 1
-        self._missed[rows] = 0
+        tracks["level"] = expected + level_gain * error
+        tracks["slope"] += slope_gain * error / tracks["missed"][:, np.newaxis]
+        tracks["age"] += 1
+        tracks["missed"] = 0
+        self._tracks[rows] = tracks
 
     def _begin(self, points: Floats) -> Ints:
         """Begin tracks at points, with the slope of the nearest track that is seen and has one; their numbers."""
-        slope = np.zeros_like(points)
-        known = np.flatnonzero((self._age > 1) & (self._missed == 0))
+        tracks, new = self._tracks, np.zeros(len(points), dtype=_TRACK)
+        new["level"], new["age"], new["number"] = points, 1, self._n_given + np.arange(len(points))
+        known = tracks[(tracks["age"] > 1) & (tracks["missed"] == 0)]
         if len(known) and len(points) and self._slope_gain > 0:
-            _, nearest = cKDTree(self._level[known]).query(points)
-            slope = self._slope[known[nearest]]
-        numbers = self._n_given + np.arange(len(points))
+            _, nearest = cKDTree(known["level"]).query(points)
+            new["slope"] = known["slope"][nearest]
         self._n_given += len(points)
-        self._level = np.concatenate([self._level, points])
-        self._slope = np.concatenate([self._slope, slope])
-        self._age = np.concatenate([self._age, np.ones(len(points), dtype=np.intp)])
-        self._missed = np.concatenate([self._missed, np.zeros(len(points), dtype=np.intp)])
-        self._number = np.concatenate([self._number, numbers])
-        if len(self._age) > MOST_TRACKS:
-            self._keep(np.argsort(np.argsort(self._missed, kind="stable"), kind="stable") < MOST_TRACKS)
-        return numbers
-
-    def _keep(self, kept: Bools) -> None:
-        if not kept.all():
-            self._level, self._slope = self._level[kept], self._slope[kept]
-            self._age, self._missed, self._number = self._age[kept], self._missed[kept], self._number[kept]
+        tracks = np.concatenate([tracks, new])
+        last_seen = np.sort(np.argsort(tracks["missed"], kind="stable")[:MOST_TRACKS])
+        self._tracks = tracks[last_seen]
+        return np.asarray(new["number"])
 
     def _renew(self, points: Floats) -> None:
         """Find spacing and reach from what was seen so far."""
@@ -192,14 +183,14 @@ class Links:
         if len(points) > 1 and (is_time or not self._spacings):
             nearest, _ = cKDTree(points).query(points, k=2)
             self._spacings.append(float(np.median(nearest[:, 1])) or 1.0)
-            self._spacing = float(np.median(self._spacings))
+            self.spacing = float(np.median(self._spacings))
         if self._max_jump > 0:
-            self._reach = self._max_jump
+            self.reach = self._max_jump
         elif is_time or len(self._innovations) < REMEMBERED // 4:
-            self._reach = self._found_reach()
+            self.reach = self._found_reach()
 
     def _found_reach(self) -> float:
-        spacing = self._spacing
+        spacing = self.spacing
         if len(self._innovations) < REMEMBERED // 4:
             return MOST_SPACINGS * spacing
         usual = float(np.sqrt(np.quantile(np.array(self._innovations), QUANTILE)))

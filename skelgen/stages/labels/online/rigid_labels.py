@@ -125,7 +125,7 @@ class RigidLabels:
         self._regroup(points, tracks, slots, spacing)
         self._recognise(points, tracks, slots, spacing)
         self._begin(tracks, slots)
-        self._reconsider(points, tracks, slots, spacing)
+        self._reconsider(points, slots, spacing)
         self._learn(points, slots, spacing)
         self._track_slots.keep(tracks, slots)
         return np.where(slots >= 0, self._history.label[slots], -1)
@@ -247,7 +247,7 @@ class RigidLabels:
                 slots[index] = slot
                 self._n_labels += 1
 
-    def _reconsider(self, points: Floats, tracks: Ints, slots: Ints, spacing: float) -> None:
+    def _reconsider(self, points: Floats, slots: Ints, spacing: float) -> None:
         """Merge markers with lost ones in whose place they are found repeatedly."""
         history = self._history
         for index in self._due_to_be_reconsidered(slots)[:MOST_RECONSIDERED]:

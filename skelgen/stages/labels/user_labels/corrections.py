@@ -64,9 +64,10 @@ def apply_corrections(
     """
     editor = _Editor(trajectories, trajectories.n_markers if by_subject else 0)
     for correction in corrections:
-        if correction.kind in _ACTS:
+        act = editor.acts.get(correction.kind)
+        if act:
             try:
-                _ACTS[correction.kind](editor, correction, editor.find(correction))
+                act(correction, editor.find(correction))
             except InputError as error:
                 if not by_subject:
                     raise
@@ -141,6 +142,8 @@ class _Editor:
         self.touched = np.zeros(self.source.shape, dtype=np.bool_)
         self.deleted = np.zeros(self.source.shape, dtype=np.bool_)
         self.notices: list[str] = []
+        acts = (self.merge, self.split, self.rename, self.delete, self.swap, self.confirm, self.smooth)
+        self.acts = {act.__name__: act for act in acts}
 
     def find(self, correction: Correction) -> list[int]:
         """Indices of the markers that a correction names."""
@@ -236,20 +239,6 @@ class _Editor:
         return CorrectedLabels(
             changed, self.source, self.touched & (self.source >= 0), self.deleted, tuple(self.notices)
         )
-
-
-_ACTS = {
-    act.__name__: act
-    for act in (
-        _Editor.merge,
-        _Editor.split,
-        _Editor.rename,
-        _Editor.delete,
-        _Editor.swap,
-        _Editor.confirm,
-        _Editor.smooth,
-    )
-}
 
 
 _STATING = frozenset({"merge", "split", "swap", "confirm"})
