@@ -108,7 +108,7 @@ def test_a_set_is_told_where_hands_are_at_the_hips(marker_set: str) -> None:
     assert np.array_equal(odds[pairs] > 0, (limb[:, np.newaxis] == limb)[pairs])
 
 
-@pytest.mark.parametrize(("seed", "misfit"), [(5, 0.7), (38, 0.3), (22, 0.55), (11, 0.4)])  # far from the usual
+@pytest.mark.parametrize(("seed", "misfit"), [(5, 0.7), (38, 0.3), (22, 0.55), (172, 0.65)])  # far from the usual
 def test_places_are_found_where_one_leg_hardly_moves(seed: int, misfit: float) -> None:
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(str(Path(__file__).parents[2] / "benchmarks"))
