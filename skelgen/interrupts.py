@@ -17,6 +17,7 @@ ENDING = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP",
 _LOOK_SECONDS = 0.2  # between two looks after a parent
 
 _unfinished: dict[Path, None] = {}
+_arriving = threading.RLock()  # held while finished files take their places
 
 
 @contextlib.contextmanager
@@ -38,7 +39,16 @@ def remove_unfinished() -> None:
 
 @contextlib.contextmanager
 def uninterrupted() -> Iterator[None]:
-    """Let signals that end the program wait for the end of the block; in the main thread, the only one to hear them."""
+    """Let whatever ends the program wait for the end of the block: a parent that is gone, and signals.
+
+    Signals wait in the main thread alone, the only one to hear them.
+    """
+    with _arriving, _signals_waiting():
+        yield
+
+
+@contextlib.contextmanager
+def _signals_waiting() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -87,6 +97,7 @@ def _watch(parent: Any) -> None:
         parent.join()
     while os.getppid() == parent.pid:  # joblib's processes have no sentinel
         time.sleep(_LOOK_SECONDS)
+    _arriving.acquire()  # for ever: no half of what is being taken away may still arrive
     remove_unfinished()
     os._exit(1)
 

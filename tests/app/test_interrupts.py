@@ -14,7 +14,7 @@ import pytest
 
 from skelgen.cli import main
 from skelgen.errors import FormatError, WriteError, out_of_memory
-from skelgen.files import arriving_together, replacing
+from skelgen.files import UNFINISHED, arriving_together, replacing
 from skelgen.interrupts import uninterrupted
 
 ROOT = Path(__file__).parents[2]
@@ -95,6 +95,33 @@ def test_processes_of_joblib_end_with_one_that_is_killed(tmp_path):
     process.kill()
     process.wait()
     assert wait_until(lambda: not any(is_running(pid) for pid in pids))
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="processes cannot fork")
+def test_half_of_what_a_process_without_parent_takes_away_does_not_arrive(tmp_path):
+    lines = (
+        "import multiprocessing, os, pathlib, time",
+        "from skelgen import interrupts",
+        "from skelgen.files import arriving_together",
+        "def slowly(folder):",
+        "    (folder / 'a').unlink()",
+        "    time.sleep(1)",
+        "def work():",
+        "    interrupts._remove = slowly",
+        "    interrupts.end_with_parent()",
+        "    with arriving_together(pathlib.Path('out')) as folder:",
+        "        for name in 'ab': (folder / name).touch()",
+        "        open(f'{os.getpid()}.pid', 'w').close()",
+        "        while (folder / 'a').exists(): time.sleep(.01)",
+        "multiprocessing.get_context('fork').Process(target=work).start()",
+        "time.sleep(60)",
+    )
+    process = subprocess.Popen([sys.executable, "-c", "\n".join(lines)], cwd=tmp_path, env=ENVIRONMENT)
+    pid = int(wait_until(lambda: [path.stem for path in tmp_path.glob("*.pid")])[0])
+    process.kill()
+    process.wait()
+    assert wait_until(lambda: not is_running(pid))
+    assert [path.name for path in (tmp_path / "out").iterdir() if not path.name.startswith(UNFINISHED)] == []
 
 
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="the system does not tell of processes")
