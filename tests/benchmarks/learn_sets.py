@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from postures import HOLDS, RATE, Habit, about_posture, at_exercise, with_held_hands
@@ -27,8 +28,18 @@ from skelgen.simulation.markers import carried_markers
 from skelgen.simulation.people import MOTIONS, Person, natural_motion, person, realistic_soft_tissue
 from skelgen.stages.limbs.worn_shapes import Shape, shape_of
 
-N_FREE, N_HOLD, N_EXERCISE = 300, 140, 320  # people in each set: with free hands, who hold them, who sit, row or lunge
-N_WAYS = 32  # principal components that are kept
+
+class Sample(NamedTuple):
+    """How many people have free hands, hold them, and sit, row or lunge; and how many principal components are kept."""
+
+    n_free: int
+    n_hold: int
+    n_exercise: int
+    n_ways: int
+
+
+OF_SETS = Sample(300, 140, 320, 32)  # in each set
+OF_PLACES = Sample(500, 240, 1000, 48)  # which do not tell by themselves who wears them
 N_BEGINNINGS = 24  # postures from which searches begin, each the middle of people who are alike
 FIRST_SEED, N_FRAMES = 7000, 200
 PLACED = 15.0  # mm, one standard deviation of a coordinate between examiners (Della Croce et al. 2005)
@@ -40,7 +51,8 @@ STUCK, MOVED = 0.12, 0.5  # least standard deviations of both logarithms
 def main() -> None:
     """Write both tables."""
     tables = Path(module.__file__).with_name("tables")
-    sets = [learned(marker_set, *people_in(marker_set)) for marker_set in sorted((*MARKER_SETS, *LABORATORY_SETS))]
+    names = sorted((*MARKER_SETS, *LABORATORY_SETS))
+    sets = [learned(one, *people_in(one, OF_SETS), OF_SETS.n_ways) for one in names]
     np.savez(tables / "worn_sets.npz", **table_of(sets))
     np.savez(tables / "worn_places.npz", **table_of([places()]))
 
@@ -66,19 +78,20 @@ def places() -> dict[str, np.ndarray]:
     other = {"L ": "R ", "R ": "L "}
     names = person(EVERY_PLACE, 0.0, np.random.default_rng(0)).worn.marker_names
     mirrored = np.array([names.index(other.get(name[:2], name[:2]) + name[2:]) for name in names])
-    both = (np.concatenate([people, people[:, :, mirrored][..., mirrored]]) for people in people_in(EVERY_PLACE))
-    table = learned(EVERY_PLACE, *both, N_BEGINNINGS)
+    people = people_in(EVERY_PLACE, OF_PLACES)
+    both = (np.concatenate([some, some[:, :, mirrored][..., mirrored]]) for some in people)
+    table = learned(EVERY_PLACE, *both, OF_PLACES.n_ways, N_BEGINNINGS)
     return table | {"halves": np.zeros(len(names), dtype=np.uint8)}
 
 
-def people_in(marker_set: str) -> tuple[Floats, Floats]:
+def people_in(marker_set: str, sample: Sample) -> tuple[Floats, Floats]:
     """Shapes of people in a set, (n, 2, n_markers, n_markers): of those with free hands, and of those who hold them."""
-    numbers = range(N_FREE + N_HOLD + N_EXERCISE)
-    people = np.array([_person(marker_set, number).tables for number in numbers], dtype=np.float32)
-    return people[:N_FREE], people[N_FREE:]
+    numbers = range(sample.n_free + sample.n_hold + sample.n_exercise)
+    people = np.array([_person(marker_set, number, sample).tables for number in numbers], dtype=np.float32)
+    return people[: sample.n_free], people[sample.n_free :]
 
 
-def learned(marker_set: str, free: Floats, held: Floats, n_beginnings: int = 0) -> dict[str, np.ndarray]:
+def learned(marker_set: str, free: Floats, held: Floats, n_ways: int, n_beginnings: int = 0) -> dict[str, np.ndarray]:
     """Of pairs of markers mean and spread over people whose hands are free, the ways in which all people differ from
     that mean together, and what these leave; and so many postures in the middle of people who are alike."""
     first, second = np.triu_indices(free.shape[2], 1)
@@ -88,13 +101,13 @@ def learned(marker_set: str, free: Floats, held: Floats, n_beginnings: int = 0) 
     mean, weight = pairs[: len(free)].mean(axis=0), least / np.sqrt([[1.0], [MOTION_WEIGHT]])
     off = ((pairs - mean) / weight).reshape(len(pairs), -1)
     scores, sizes, ways = np.linalg.svd(off, full_matrices=False)
-    rest = (off - (scores[:, :N_WAYS] * sizes[:N_WAYS]) @ ways[:N_WAYS]).reshape(pairs.shape) * weight
-    ways = (sizes[:N_WAYS, np.newaxis] / np.sqrt(len(pairs)) * ways[:N_WAYS]).reshape(N_WAYS, *mean.shape) * weight
+    rest = (off - (scores[:, :n_ways] * sizes[:n_ways]) @ ways[:n_ways]).reshape(pairs.shape) * weight
+    ways = (sizes[:n_ways, np.newaxis] / np.sqrt(len(pairs)) * ways[:n_ways]).reshape(n_ways, *mean.shape) * weight
     varying = pairs[: len(free)].var(axis=0), (rest**2).mean(axis=0)
     spread, left = (np.sqrt(variance + least**2) for variance in varying)
-    someone, beginnings = person(marker_set, 0.0, np.random.default_rng(0)).worn, np.zeros((0, N_WAYS))
+    someone, beginnings = person(marker_set, 0.0, np.random.default_rng(0)).worn, np.zeros((0, n_ways))
     if n_beginnings:
-        usual = KMeans(n_beginnings, n_init=3, random_state=0).fit(np.sqrt(len(pairs)) * scores[:, :N_WAYS])
+        usual = KMeans(n_beginnings, n_init=3, random_state=0).fit(np.sqrt(len(pairs)) * scores[:, :n_ways])
         beginnings = usual.cluster_centers_
     segments = someone.limb_of_marker.astype(np.uint8)
     print(marker_set, len(segments), flush=True)
@@ -110,23 +123,23 @@ def learned(marker_set: str, free: Floats, held: Floats, n_beginnings: int = 0) 
     }
 
 
-def _person(marker_set: str, number: int) -> Shape:
+def _person(marker_set: str, number: int, sample: Sample) -> Shape:
     """The shape of somebody in a set."""
     rng = np.random.default_rng([FIRST_SEED, number])
     who = person(marker_set, 0.0, rng, placed=PLACED)
-    return shape_of(seen_markers(who, *_moving(number), rng))
+    return shape_of(seen_markers(who, *_moving(number, sample), rng))
 
 
 @cache
-def _moving(number: int) -> tuple[list[Floats], Floats]:
+def _moving(number: int, sample: Sample) -> tuple[list[Floats], Floats]:
     """How somebody moves, whatever is worn: at exercise; or in natural motion, with hands that are held, or free; or,
     of those every other one, in random motion about a posture: arms crossed, overhead, in guard, deep squats; alike on
     both sides for half of these."""
     who = person(EVERY_PLACE, 0.0, np.random.default_rng([FIRST_SEED, number]))
     rng = np.random.default_rng([FIRST_SEED, number, 1])
-    if number >= N_FREE + N_HOLD:
+    if number >= sample.n_free + sample.n_hold:
         return at_exercise(who, N_FRAMES, rng)
-    if number >= N_FREE:
+    if number >= sample.n_free:
         motion, way = MOTIONS[number // len(HOLDS) % len(MOTIONS)], list(HOLDS)[number % len(HOLDS)]
         angles, poses = natural_motion(who, motion, N_FRAMES, RATE, rng)
         return angles, with_held_hands(who, poses, way, rng, Habit.drawn(rng))

@@ -65,7 +65,7 @@ MISTAKEN = 0.03
 MIRRORED = 0.5
 """Weight of a pair's mirror image in the log odds of the pair, where places are believed: both sides are alike."""
 
-AT_PLACES, NOT_AT_PLACES = 0.9, 1.2
+AT_PLACES, NOT_AT_PLACES = 0.8, 1.0
 """Misfit up to which places are believed, and from which they are not at all: people's is .1 to 1.1, animals' 1.1 and
 more."""
 
