@@ -16,7 +16,7 @@ from skelgen.app.configuration import parameters_class
 from skelgen.app.stage_summary import has_doubts
 from skelgen.model.project import STAGES
 from skelgen_gui.project.context import HOME, Context, PageEntry
-from skelgen_gui.widgets.layouts import column
+from skelgen_gui.widgets.layouts import column, put_texts
 from skelgen_gui.widgets.painting import as_rich_text, doubt_colour, drawn_pixmap
 
 WIDTH, _LEAST_WIDTH = 400, 350  # px, where there is room, and at least
@@ -74,8 +74,7 @@ class PageStack(QWidget):
         self.entries, self._context = entries, context
         self.list, self._stack = QListWidget(self), QStackedWidget(self)
         self._pages: dict[str, QWidget] = {}
-        self.list.setAccessibleName(self.tr("Steps"))
-        self.list.setToolTip(self.tr("From the recording to the skeleton; Ctrl+Page up and down go from step to step"))
+        put_texts(self)
         for entry in entries:
             item = QListWidgetItem(QCoreApplication.translate("Pages", entry.title), self.list)
             item.setToolTip(QCoreApplication.translate("Pages", entry.tip))

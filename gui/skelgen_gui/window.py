@@ -38,6 +38,7 @@ from skelgen_gui.timeline.video import VideoPane
 from skelgen_gui.view3d.four_views import FourViews
 from skelgen_gui.view3d.view import View3D
 from skelgen_gui.widgets.errors import ErrorReporter
+from skelgen_gui.widgets.layouts import put_texts
 from skelgen_gui.widgets.painting import as_rich_text
 from skelgen_gui.widgets.preferences import AXES, Preferences
 from skelgen_gui.widgets.shortcuts import FocusRing, KeyKeeper, make_actions
@@ -148,7 +149,7 @@ class Window(QMainWindow):
         self.curves = Curves(self.session, self.timeline.span)
         self.tabs = QTabWidget(self)
         self.tabs.setDocumentMode(True)
-        self.tabs.setAccessibleName(self.tr("Views"))
+        put_texts(self)
         for view, title, tip in (
             (FourViews(self.session, self.view3d), self.tr("3-D"), self.tr("Markers, bones and joints in space")),
             (self.matrix, self.tr("Distances"), self.tr("How distances between markers vary: why limbs are limbs")),

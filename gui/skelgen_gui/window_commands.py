@@ -28,7 +28,7 @@ from skelgen_gui.project.other_files import ParameterFiles, SubjectActions
 from skelgen_gui.view3d.view import View3D
 from skelgen_gui.widgets.errors import versions
 from skelgen_gui.widgets.forms import stage_form
-from skelgen_gui.widgets.layouts import answer_buttons, column
+from skelgen_gui.widgets.layouts import answer_buttons, column, put_texts
 from skelgen_gui.widgets.painting import as_rich_text
 from skelgen_gui.widgets.preferences import Preferences, PreferenceValues
 from skelgen_gui.widgets.shortcuts import ShortcutsDialog, fill_menu_bar, fill_tool_bar
@@ -262,8 +262,7 @@ class Tutorial(QTextBrowser):
         super().__init__(parent)
         self.setOpenLinks(False)
         self.setMarkdown(_TEXT.read_text(encoding="utf-8"))
-        self.setAccessibleName(self.tr("First steps"))
-        self.setToolTip(self.tr("Links do what they say; Tab goes from one to the next"))
+        put_texts(self)
         self.anchorClicked.connect(self._follow)
 
     def _follow(self, address: QUrl) -> None:

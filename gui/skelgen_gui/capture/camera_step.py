@@ -19,7 +19,7 @@ from skelgen_gui.capture.forms import ImageForm
 from skelgen_gui.capture.steps import Step
 from skelgen_gui.project.jobs import Jobs
 from skelgen_gui.widgets.fields import set_up_number
-from skelgen_gui.widgets.layouts import describe, row_of
+from skelgen_gui.widgets.layouts import describe, put_texts, row_of
 
 if TYPE_CHECKING:
     from skelgen.capture.calibration.stereo import StereoCalibration
@@ -68,7 +68,7 @@ class CameraStep(Step[BoardShot]):
         self.calibrate = QPushButton(self.tr("Calibrate"), self)
         self.save = QPushButton(self.tr("Save settings…"), self)
         self.cameras = CameraTable(self)
-        self._describe()
+        put_texts(self)
         parts = (self.form, row_of(self.go, self.take), self.state, self.coverage, row_of(self.calibrate, self.save))
         self.lay_out((*parts, self.verdict, self.views, row_of(self.remove, self.clear), self.cameras))
         self._connect()
@@ -131,17 +131,6 @@ class CameraStep(Step[BoardShot]):
             self.saved.emit(path)
 
         self.run(self.tr("Saving"), work, done)
-
-    def _describe(self) -> None:
-        self.state.setAccessibleName(self.tr("How many views there are, and what is missing"))
-        for button, tip in (
-            (self.take, self.tr("Keep the next pair that shows the whole board, even if it moves or is like others")),
-            (self.remove, self.tr("Take the chosen views away")),
-            (self.clear, self.tr("Take all views away")),
-            (self.calibrate, self.tr("Compute both cameras from these views")),
-            (self.save, self.tr("Write the cameras into a settings file; bodies and joints of the one in use stay")),
-        ):
-            button.setToolTip(tip)
 
     def _connect(self) -> None:
         self.take.clicked.connect(self._take_this)
@@ -284,8 +273,7 @@ class BoardForm(ImageForm):
             describe(box, name, tip)
         set_up_number(self.square, (0.1, _LARGEST_SQUARE), 3, self.tr(" mm"))
         self.square.setValue(25.0)
-        self.square.setAccessibleName(self.tr("Side of a square"))
-        self.square.setToolTip(self.tr("Measure over several squares: all lengths in later captures rest on it"))
+        put_texts(self)
 
     def _choose_simulation(self) -> None:
         self.columns.setValue(9)

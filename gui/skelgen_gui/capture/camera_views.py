@@ -16,7 +16,7 @@ from skelgen.capture.calibration.chessboard import LEAST_CORNERS, BoardView, cov
 from skelgen.capture.calibration.verdict import REPEAT, Verdict
 from skelgen.model.arrays import Floats
 from skelgen_gui.capture.results import ValueTable
-from skelgen_gui.widgets.layouts import wrap
+from skelgen_gui.widgets.layouts import put_texts, wrap
 from skelgen_gui.widgets.painting import PROBLEM_ROLE, blended, draw_points, is_dark
 
 if TYPE_CHECKING:
@@ -50,8 +50,7 @@ class CoverageView(QWidget):
         super().__init__(parent)
         self._size = (640, 480)
         self._corners = self._marked = sides(())
-        self.setAccessibleName(self.tr("Where the board has been in both images"))
-        self.setToolTip(self.tr("Dots are corners of the board; coloured parts are covered, the others are empty"))
+        put_texts(self)
         policy = QSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Preferred)
         policy.setHeightForWidth(True)
         self.setSizePolicy(policy)

@@ -20,7 +20,7 @@ from PySide6.QtWidgets import (
 from skelgen.app.capture_jobs.messages import SIMULATED, SIMULATED_ROOM, CaptureOptions
 from skelgen.capture.sources import SOURCES
 from skelgen_gui.widgets.fields import Expander, choose_button, keep_narrow
-from skelgen_gui.widgets.layouts import bare_column, describe, row_of
+from skelgen_gui.widgets.layouts import bare_column, describe, put_texts, row_of
 
 # A target that is turned before the simulated rig for 20 seconds, as cameras would deliver it
 _SIMULATED_TARGET = "simulated:target?paced=yes&rate=30&frames=600&show={0}"
@@ -92,8 +92,7 @@ class SourceField(QComboBox):
         self.setCurrentIndex(-1)
         self.setEditText("")
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
-        self.setAccessibleName(self.tr("Source of images"))
-        self.setToolTip(self.tr("Where images come from; the list shows an example of each kind"))
+        put_texts(self)
 
     @property
     def source(self) -> str:
@@ -151,8 +150,7 @@ class FolderButton(QPushButton):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.setText(self.tr("Image folder…"))
-        self.setAccessibleName(self.tr("Take the images of a folder"))
-        self.setToolTip(self.tr("A folder with pairs of images such as left01.jpg and right01.jpg"))
+        put_texts(self)
         self.clicked.connect(self._choose)
 
     def _choose(self) -> None:
@@ -264,19 +262,12 @@ class LiveChoice(SourceForm):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.simulated = QPushButton(self.tr("Simulated rig"), self)
-        tip = self.tr("Try everything without cameras: two simulated ones look at a moving arm")
-        describe(self.simulated, self.tr("Start the simulated rig"), tip)
         self.room = QPushButton(self.tr("Simulated room"), self)
-        tip = self.tr("Try it without cameras: four simulated ones around a room look at a moving arm")
-        describe(self.room, self.tr("Start the simulated room"), tip)
         self.predicts = QCheckBox(self.tr("Predict, smooth poses"), self)
-        self.predicts.setToolTip(self.tr("A Kalman filter: steadier poses and a shorter search, a little later"))
         self.fields.addRow("", row_of(self.simulated, self.room, room=True))
         self.fields.addRow("", self.predicts)
         self.predicts_joints = QCheckBox(self.tr("Predict all joint angles together"), self)
-        self.predicts_joints.setToolTip(
-            self.tr("An extended Kalman filter of the whole chain; targets are followed by single balls, too")
-        )
+        put_texts(self)
         self.advanced = AdvancedFields([("", self.predicts_joints)], self)
         self.fields.addRow(self.advanced)
         self.simulated.clicked.connect(lambda: self.choose_simulation(SIMULATED))
@@ -300,13 +291,9 @@ class TargetForm(SourceForm):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.name, self.balls = QLineEdit(self), QSpinBox(self)
-        self.name.setPlaceholderText(self.tr("such as upper arm"))
-        self.name.setAccessibleName(self.tr("Name of the target"))
-        self.name.setToolTip(self.tr("What the rigid body is called; one of the same name is replaced"))
         self.balls.setRange(3, _MOST_BALLS)
         self.balls.setSpecialValueText(self.tr("found"))
-        self.balls.setAccessibleName(self.tr("Number of balls"))
-        self.balls.setToolTip(self.tr("Found from the images; state it if other things shine as well"))
+        put_texts(self)
         tip = self.tr("Try it without cameras: a target of the simulated arm is turned")
         self.add_buttons(self.tr("Simulated target…"), self.tr("Look at a simulated target"), tip)
         self.targets = QMenu(self)
@@ -341,8 +328,7 @@ class JointForm(SourceForm):
         self.add_buttons(self.tr("Simulated arm"), self.tr("Look at the simulated arm"), tip)
         self.simulated.clicked.connect(lambda: self.take_source(_SIMULATED_JOINTS))
         self.use_frames = QLineEdit(self)
-        self.use_frames.setPlaceholderText(self.tr("all; 100, or 0,10,20"))
         tip = self.tr("So many frames, evenly spaced, or those of these indices; the first is 0")
-        describe(self.use_frames, self.tr("Frames that joints are calibrated from"), tip)
+        put_texts(self)
         self.advanced = AdvancedFields([(self.tr("Frames"), self.use_frames)], self)
         self.fields.addRow(self.advanced)

@@ -12,7 +12,7 @@ from skelgen.progress import Monitor
 from skelgen_gui.capture.forms import LiveChoice
 from skelgen_gui.capture.results import AngleTable, BodyTable, Notices, Numbers
 from skelgen_gui.project.jobs import Jobs
-from skelgen_gui.widgets.layouts import bare_column, column, describe, scrolling
+from skelgen_gui.widgets.layouts import bare_column, column, describe, put_texts, scrolling
 
 _LEAST_HEIGHT = 48  # px, of the notices: two lines
 
@@ -200,15 +200,10 @@ class _RecordRow(QWidget):
         self.open.setEnabled(not is_running and self.recorded is not None)
 
     def _describe(self) -> None:
-        tip = self.tr(".mfml keeps all points without names, .c3d the balls of the bodies with theirs")
-        describe(self.line, self.tr("File to record"), tip)
-        describe(self.browse, self.tr("Choose the file to record"), tip)
         self.record.setCheckable(True)
         self.record.setEnabled(False)
-        self.record.setAccessibleName(self.tr("Record"))
-        self.record.setToolTip(self.tr("Record while capturing; a file that is there is never overwritten"))
         self.open.setEnabled(False)
-        self.open.setToolTip(self.tr("Go on to markers, limbs, joints and skeleton with what was recorded"))
+        put_texts(self)
 
     def _choose(self) -> None:
         title, kinds = self.tr("Record into"), self.tr("Recordings (*.mfml *.c3d)")

@@ -12,6 +12,7 @@ from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from skelgen_gui.capture.camera_views import COVERED
 from skelgen_gui.capture.results import ValueTable
+from skelgen_gui.widgets.layouts import put_texts
 from skelgen_gui.widgets.painting import blended, draw_points, is_dark
 
 if TYPE_CHECKING:
@@ -134,14 +135,7 @@ class TurnView(QWidget):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._motion: JointMotion | None = None
-        self.setAccessibleName(self.tr("Attitudes in which the joint was seen"))
-        self.setToolTip(
-            self.tr(
-                "Each dot is a pair of images: to the right it is turned about the main axis, upwards about the second "
-                "one (left picture) or third one (right picture); rings are 30° apart. A hinge makes a line, a ball "
-                "should fill both pictures"
-            )
-        )
+        put_texts(self)
         policy = QSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Preferred)
         policy.setHeightForWidth(True)
         self.setSizePolicy(policy)

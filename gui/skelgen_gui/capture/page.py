@@ -22,7 +22,7 @@ from skelgen_gui.capture.room_step import RoomStep
 from skelgen_gui.capture.space import Space
 from skelgen_gui.capture.target_steps import JointStep, TargetStep
 from skelgen_gui.project.context import Context
-from skelgen_gui.widgets.layouts import bare_column
+from skelgen_gui.widgets.layouts import bare_column, put_texts
 
 if TYPE_CHECKING:
     from skelgen.capture.calibration.taking import BodyProgress
@@ -50,8 +50,7 @@ class CapturePage(QWidget):
         self.tabs = QTabWidget(self)
         self.tabs.setDocumentMode(True)
         self.tabs.setUsesScrollButtons(False)
-        self.tabs.setAccessibleName(self.tr("Capture or calibrate"))
-        self.tabs.setToolTip(self.tr("Calibrate cameras, targets and joints in this order, then capture with them"))
+        put_texts(self)
         self.live = LivePanel(context.jobs, context.report_error, self)  # behind the heads of tabs, as Tab goes
         self.camera_step = CameraStep(context.jobs, context.report_error, lambda: self.live.choice.settings.path, self)
         self.room = RoomStep(context.jobs, context.report_error, self)
@@ -130,7 +129,7 @@ class _CaptureView(QSplitter):
         self.addWidget(self.space)
         self.setStretchFactor(0, 1)
         self.setStretchFactor(1, 1)
-        self.setAccessibleName(self.tr("Capture"))
+        put_texts(self)
 
     def show_shot(self, shot: LiveShot) -> None:
         """Show the images of one moment of a live capture and what was found in them."""

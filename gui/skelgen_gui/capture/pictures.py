@@ -17,6 +17,7 @@ from skelgen.app.drawing.scales import limb_colour
 from skelgen.capture.live import Captured
 from skelgen.capture.room.live import RoomCaptured
 from skelgen.model.arrays import Bools, Floats
+from skelgen_gui.widgets.layouts import put_texts
 from skelgen_gui.widgets.painting import draw_lines, draw_names
 
 LOOSE = QColor("#f2c94c")
@@ -53,8 +54,7 @@ class Pictures(QWidget):
         self._images: tuple[CameraImage, ...] = ()
         self._titles: tuple[str, ...] = ()
         self._covered: tuple[Bools, ...] = ()
-        self.setAccessibleName(self.tr("Pictures of the cameras"))
-        self.setToolTip(self.tr("Rings are balls that were found, in the colours of their bodies"))
+        put_texts(self)
         self.setAttribute(Qt.WidgetAttribute.WA_OpaquePaintEvent)
 
     def show_pair(self, left: CameraImage, right: CameraImage) -> None:

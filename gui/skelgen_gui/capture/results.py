@@ -12,7 +12,7 @@ from PySide6.QtWidgets import QLabel, QListWidget, QTableWidget, QTableWidgetIte
 from skelgen.app.capture_jobs.messages import LiveShot
 from skelgen.capture.target_joints import angle_names
 from skelgen.model.rig import CaptureSettings, RoomSettings
-from skelgen_gui.widgets.layouts import describe, fit_columns, wrap
+from skelgen_gui.widgets.layouts import describe, fit_columns, put_texts, wrap
 
 MOST_NOTICES = 200
 """Notices that are kept: a loose plug must not fill the memory."""
@@ -32,12 +32,7 @@ class Numbers(QLabel):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         wrap(self, self.tr("Speed and losses of the capture"))
-        self.setToolTip(
-            self.tr(
-                "Images of all cameras per second, those that were lost because they were not processed in time, and "
-                "the time from images to the joint angles"
-            )
-        )
+        put_texts(self)
 
     def show_shot(self, shot: LiveShot) -> None:
         """Show the numbers of a pair."""
@@ -221,8 +216,7 @@ class Notices(QListWidget):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.setWordWrap(True)
-        self.setAccessibleName(self.tr("What to know of the rig"))
-        self.setToolTip(self.tr("Lost cameras, dark or glaring images, cameras that do not fit the settings"))
+        put_texts(self)
 
     def add(self, sentence: str) -> None:
         """Put a sentence at the top, unless it is there already."""

@@ -19,7 +19,7 @@ from skelgen.progress import Monitor
 from skelgen_gui.capture.forms import ImageForm, SourceField
 from skelgen_gui.capture.steps import Step
 from skelgen_gui.project.jobs import Jobs
-from skelgen_gui.widgets.layouts import describe, row_of
+from skelgen_gui.widgets.layouts import describe, put_texts, row_of
 
 if TYPE_CHECKING:
     from skelgen.app.capture_jobs.waving import WandCollector
@@ -53,7 +53,7 @@ class RoomStep(Step[WandShot]):
         self.calibrate, self.floor, self.save = QPushButton(self), QPushButton(self), QPushButton(self)
         self.found: WandCalibration | None = None
         self._collectors: list[WandCollector] = []
-        self.state.setAccessibleName(self.tr("What to do next, and what the wand has not covered yet"))
+        put_texts(self)
         self.state.setText(
             self.tr(
                 "1. Wave the wand through the whole room for a minute; the green parts of the pictures are covered."
@@ -196,15 +196,13 @@ class RoomForm(ImageForm):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.wand, self.arms = QLineEdit("0, 180, 500", self), QLineEdit("600, 400", self)
-        describe(self.wand, self.tr("Balls of the wand"), self.tr("Where its two or three balls are along it [mm]"))
         tip = self.tr("From the ball in its corner to the others [mm]; x runs along the first arm, z up")
-        describe(self.arms, self.tr("Arms of the L-frame"), tip)
         self.fields.addRow(self.tr("Wand"), self.wand)
         self.add_source(self.tr("cameras, a folder of folders or videos"))
         tip = self.tr("Try it without cameras: four simulated ones look at a waved wand")
         self.add_buttons(self.tr("Simulated wand"), self.tr("Wave a simulated wand"), tip)
         self.ground = SourceField(self)
-        self.ground.setAccessibleName(self.tr("Source of images of the L-frame"))
+        put_texts(self)
         self.ground.show_hint(self.tr("the same cameras"))
         self.fields.addRow(self.tr("L-frame"), self.arms)
         self.fields.addRow(self.tr("its source"), self.ground)

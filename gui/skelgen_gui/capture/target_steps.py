@@ -27,7 +27,7 @@ from skelgen_gui.capture.steps import AddingStep, Plan
 from skelgen_gui.project.deriving import Deriver
 from skelgen_gui.project.jobs import Jobs
 from skelgen_gui.widgets.fields import keep_narrow
-from skelgen_gui.widgets.layouts import bare_column, describe, row_of
+from skelgen_gui.widgets.layouts import bare_column, describe, put_texts, row_of
 
 if TYPE_CHECKING:
     from skelgen.app.capture_jobs.collecting import BodyCollector, JointCollector
@@ -51,7 +51,7 @@ class TargetStep(AddingStep["BodyCollector", "BodyCalibration", "BodyProgress"])
         super().__init__(TargetForm(), jobs, report_error, parent)
         self.balls = BallTable(self)
         self.results = (self.balls,)
-        self.add.setToolTip(self.tr("Write the target into the settings, in place of one of the same name"))
+        put_texts(self)
         self.lay_out((self.form, self.go, self.state, row_of(self.calibrate, self.add), self.verdict, self.balls))
         self.form.name.textChanged.connect(self.follow)
         self.follow()
@@ -128,7 +128,7 @@ class JointStep(AddingStep["JointCollector", "JointCalibration", JointProgress])
         self.joints = JointTable(self)
         self._reader = Deriver(self)
         self.results = (self.joints,)
-        self.add.setToolTip(self.tr("Write the joints into the settings, in place of those of the same names"))
+        put_texts(self)
         heading = QLabel(self.tr("Joints (found if none is named)"), self)
         parts = (self.form, heading, self.requests, self.go, self.state, self.motions, self.turns)
         self.lay_out((*parts, row_of(self.calibrate, self.add), self.verdict, self.joints))
@@ -265,14 +265,6 @@ class RequestList(QWidget):
         self._show(tuple(request for request in self.requests if request.parent in names and request.child in names))
 
     def _describe(self) -> None:
-        self.name.setPlaceholderText(self.tr("Joint, such as elbow"))
-        self.name.setAccessibleName(self.tr("Name of the joint"))
-        self.name.setToolTip(self.tr("Without names, joints are found from the motion, with their types"))
-        self.start.setPlaceholderText(self.tr("found; x,y,z:x,y,z in mm"))
-        places = self.tr(
-            "Where the search for this joint begins, in mm in the parent, and behind the colon in the child"
-        )
-        describe(self.start, self.tr("Start of the search for the joint"), places)
         self.kind.addItems(list(self._types))
         titles = self.tr("Joint"), self.tr("Parent"), self.tr("Child"), self.tr("Kind")
         tip = self.tr("Joints that are measured; Delete takes the chosen ones away. Without any, joints are found")
@@ -287,7 +279,7 @@ class RequestList(QWidget):
             describe(box, name, tip)
             box.setPlaceholderText(hint)
             keep_narrow(box, 8)
-        self.less.setToolTip(self.tr("Do not measure the chosen joints"))
+        put_texts(self)
 
     @property
     def _request(self) -> JointRequest:

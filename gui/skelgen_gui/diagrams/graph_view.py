@@ -18,6 +18,7 @@ from skelgen_gui.model.selection import Selection
 from skelgen_gui.model.wording import limb_words
 from skelgen_gui.project.deriving import Deriver
 from skelgen_gui.project.session import Session
+from skelgen_gui.widgets.layouts import put_texts
 from skelgen_gui.widgets.painting import ZOOM, notches, paint_words, show_tip
 from skelgen_gui.widgets.shortcuts import ARROW_KEYS
 
@@ -59,12 +60,9 @@ class GraphView(QWidget):
         self.deriver = Deriver(self)
         self.layout_box = QComboBox(self)
         self.layout_box.addItems([self.tr("As in the take"), self.tr("As a tree")])
-        self.layout_box.setAccessibleName(self.tr("Places of the limbs"))
-        self.layout_box.setToolTip(self.tr("Where limbs are drawn: as they are in the take, or as a tree"))
         self.layout_box.move(6, 6)
         self.layout_box.currentIndexChanged.connect(self.show_all)
-        self.setAccessibleName(self.tr("Graph of joints"))
-        self.setAccessibleDescription(self.tr("Limbs, all joints that were tried, and the tree that was found"))
+        put_texts(self)
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
         self.setMouseTracking(True)
         session.project_changed.connect(self._follow_project)

@@ -9,6 +9,7 @@ from skelgen_gui.diagrams.matrix_painting import MatrixPainting, place_matrix
 from skelgen_gui.model.matrix import PlacedRegion, Region, cell_sentence
 from skelgen_gui.model.selection import Selection
 from skelgen_gui.project.session import Session
+from skelgen_gui.widgets.layouts import put_texts
 from skelgen_gui.widgets.painting import ZOOM, image_of, notches, paint_words, show_tip
 from skelgen_gui.widgets.shortcuts import ARROW_KEYS
 
@@ -39,8 +40,7 @@ class MatrixView(QWidget):
         self._cell: tuple[int, int] | None = None
         self._pressed: QPointF | None = None
         self._dragged: QPointF | None = None
-        self.setAccessibleName(self.tr("Matrix of distances"))
-        self.setAccessibleDescription(self.tr("How much the distance between each two markers varies"))
+        put_texts(self)
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
         self.setMouseTracking(True)
         session.project_changed.connect(self._follow_project)

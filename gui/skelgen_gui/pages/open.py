@@ -11,7 +11,7 @@ from skelgen.model import Project
 from skelgen.progress import Monitor
 from skelgen_gui.project.context import Context
 from skelgen_gui.project.file_actions import SampleMenu
-from skelgen_gui.widgets.layouts import column, describe, row_of, wrap
+from skelgen_gui.widgets.layouts import column, put_texts, row_of, wrap
 from skelgen_gui.widgets.painting import as_rich_text
 
 _PATH = Qt.ItemDataRole.UserRole
@@ -38,12 +38,8 @@ class OpenPage(QWidget):
         self.recent = QListWidget(self)
         for label, name in ((self.take, self.tr("What is open")), (self.notices, self.tr("What the reader did"))):
             wrap(label, name)
-        describe(self.browse, self.tr("Open a file"), self.tr("Open a recording in any format, or a project"))
-        self.identities.setToolTip(self.tr("Read a file that says which point is which marker in some frames"))
-        self.identities.setAccessibleName(self.tr("Read identities"))
         self.samples.setMenu(SampleMenu(context.files, self.samples))
-        describe(self.samples, self.tr("Open a sample"), self.tr("A take that is simulated, to see what skelgen does"))
-        describe(self.recent, self.tr("Recent files"), self.tr("Files that were open; Enter opens one again"))
+        put_texts(self)
         invitation = QLabel(self.tr("Drop a recording or a project anywhere on this window, or"), self)
         wrap(invitation)
         buttons = row_of(self.browse, self.samples, self.identities, room=True)

@@ -31,7 +31,7 @@ from skelgen_gui.project.context import Context
 from skelgen_gui.project.deriving import Deriver
 from skelgen_gui.widgets.fields import FoundOrGiven, choose_button
 from skelgen_gui.widgets.forms import stage_form
-from skelgen_gui.widgets.layouts import bare_column, column, describe, row_of, scrolled, scrolling, wrap
+from skelgen_gui.widgets.layouts import bare_column, column, put_texts, row_of, scrolled, scrolling, wrap
 
 # Stages whose number the user may give, and the correction that holds it
 _NUMBERS = {"labels": "n_markers", "limbs": "n_limbs"}
@@ -79,15 +79,10 @@ class StagePage(QWidget):
 
     def _describe(self) -> None:
         self.uses_saved.setText(self.tr("Use a saved result"))
-        self.runs.setToolTip(self.tr("Compute this step from the results before it"))
-        self.uses_saved.setToolTip(self.tr("Take the result of this step from a project file of the same recording"))
         self.path.setPlaceholderText(self.tr("project file, {0}").format(SUFFIX))
-        describe(self.path, self.tr("Project file with the saved result"))
-        describe(self._browse, self.tr("Choose the project file with the saved result"))
         wrap(self.result, self.tr("What came out of this step"))
         self.result.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
-        self.warnings.setAccessibleName(self.tr("What to look at; Enter goes there"))
-        self.warnings.setToolTip(self.tr("Choose a line to go to its frame and markers"))
+        put_texts(self)
         self.warnings.setWordWrap(True)
         self.warnings.setAlternatingRowColors(True)
         self.warnings.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)

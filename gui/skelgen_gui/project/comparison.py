@@ -13,7 +13,7 @@ from skelgen_gui.model.selection import Selection
 from skelgen_gui.model.wording import limb_words
 from skelgen_gui.project.deriving import Deriver
 from skelgen_gui.project.session import Session
-from skelgen_gui.widgets.layouts import column, describe, wrap
+from skelgen_gui.widgets.layouts import column, put_texts, wrap
 
 _SELECTION = Qt.ItemDataRole.UserRole
 
@@ -34,7 +34,7 @@ class ComparisonPanel(QWidget):
         wrap(self.summary, self.tr("How both results agree"))
         self.summary.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Minimum)
         self.lines.setWordWrap(True)
-        describe(self.lines, self.tr("Differences"), self.tr("What differs most comes first; a click selects it"))
+        put_texts(self)
         column(self, (self.summary, self.lines)).setStretchFactor(self.lines, 1)
         self.deriver = Deriver(self)
         session.project_changed.connect(self._follow)

@@ -30,7 +30,7 @@ from skelgen_gui.model.selection import Selection
 from skelgen_gui.project.context import Runner
 from skelgen_gui.project.deriving import Deriver
 from skelgen_gui.project.session import Document, Session
-from skelgen_gui.widgets.layouts import answer_buttons, column, describe
+from skelgen_gui.widgets.layouts import answer_buttons, column, put_texts
 from skelgen_gui.widgets.painting import as_rich_text
 
 
@@ -238,10 +238,7 @@ class FramesDialog(QDialog):
         for box, value in zip((self.first, self.last), proposed, strict=True):
             box.setRange(0, n_frames - 1)
             box.setValue(value)
-        self.first.setAccessibleName(self.tr("First frame"))
-        self.last.setAccessibleName(self.tr("Last frame"))
-        self.first.setToolTip(self.tr("The first frame in which it holds; at first the one that is shown"))
-        self.last.setToolTip(self.tr("The last frame in which it holds, itself included"))
+        put_texts(self)
         self.first.valueChanged.connect(self.last.setMinimum)
         self.last.setMinimum(proposed[0])
         layout = QFormLayout(self)
@@ -301,11 +298,9 @@ class CorrectionList(QWidget):
             self.tr("Select markers, a joint or a limb, then right click or choose Edit, Correct."), self
         )
         self.hint.setWordWrap(True)
-        describe(self.entries, self.tr("Corrections by hand"), self.tr("Corrections that later runs apply"))
         self.take_back = QPushButton(self.tr("Take back"), self)
-        describe(self.take_back, self.tr("Take the chosen correction back"))
         self.at_once = QCheckBox(self.tr("Compute again at once"), self)
-        self.at_once.setToolTip(self.tr("After a correction, run again the steps that had run before"))
+        put_texts(self)
         self.at_once.setChecked(runner.computes_at_once)
         column(self, (self.hint, self.entries, self.take_back, self.at_once))
         session.project_changed.connect(self._follow)

@@ -16,7 +16,7 @@ from skelgen_gui.model.wording import joint_words, limb_words
 from skelgen_gui.project.corrections import CorrectionActions
 from skelgen_gui.project.deriving import PanelWhileSeen
 from skelgen_gui.project.session import Session
-from skelgen_gui.widgets.layouts import bare_column, describe, fit_columns
+from skelgen_gui.widgets.layouts import bare_column, fit_columns, put_texts
 from skelgen_gui.widgets.painting import colour_of_limb
 
 _KIND, _INDEX = Qt.ItemDataRole.UserRole, Qt.ItemDataRole.UserRole + 1
@@ -66,8 +66,6 @@ class Outline(PanelWhileSeen):
         self._session, self._corrections = session, corrections
         self._hidden: frozenset[str] = frozenset()
         self.search, self.tree = QLineEdit(self), QTreeWidget(self)
-        self.search.setPlaceholderText(self.tr("Search"))
-        describe(self.search, self.tr("Search limbs, joints and markers"), self.tr("Part of a name"))
         self.tree.setHeaderLabels([self.tr("Name"), self.tr("Seen"), self.tr("Doubts")])
         fit_columns(self.tree.header(), _NAME)
         self.tree.setSelectionMode(QAbstractItemView.SelectionMode.ExtendedSelection)
@@ -77,8 +75,7 @@ class Outline(PanelWhileSeen):
         self.tree.setContextMenuPolicy(Qt.ContextMenuPolicy.CustomContextMenu)
         self.tree.setSortingEnabled(True)
         self.tree.sortByColumn(_NAME, Qt.SortOrder.AscendingOrder)
-        tip = self.tr("F2 or a second click renames, the box hides, a click on a head sorts")
-        describe(self.tree, self.tr("Limbs, joints and markers"), tip)
+        put_texts(self)
         bare_column(self, (self.search, self.tree))
         self._is_following = False
         session.project_changed.connect(self._follow_project)

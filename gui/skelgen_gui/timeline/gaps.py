@@ -17,7 +17,7 @@ from skelgen_gui.model import translate
 from skelgen_gui.model.marker_curves import GapRow
 from skelgen_gui.timeline.span import clock
 from skelgen_gui.widgets.fields import set_up_number
-from skelgen_gui.widgets.layouts import Index, Role, RowModel, bare_column, choose_by_rows, describe, row_of
+from skelgen_gui.widgets.layouts import Index, Role, RowModel, bare_column, choose_by_rows, put_texts, row_of
 
 _TIME_STEP = 0.01  # s
 _CUTOFF, _MOST_CUTOFF = 10.0, 1000.0  # Hz
@@ -88,8 +88,7 @@ class GapTable(QTableView):
         self.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
         self.verticalHeader().setDefaultSectionSize(self.fontMetrics().height() + 6)
         self.horizontalHeader().setStretchLastSection(True)
-        tip = self.tr("The longest first. A click goes there; 1 to 4 choose the way, Enter fills")
-        describe(self, self.tr("Gaps"), tip)
+        put_texts(self)
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
         """Fill, or choose the way."""
@@ -136,7 +135,7 @@ class GapTools(QWidget):
         self.words.setWordWrap(True)
         set_up_number(self.cutoff, (0.1, _MOST_CUTOFF), 1, self.tr(" Hz"))
         self.cutoff.setValue(_CUTOFF)
-        self._describe()
+        put_texts(self)
         rows = (row_of(self.way, self.donor), self.words, row_of(self.fill, self.fill_all))
         bare_column(self, (self.table, *rows, row_of(self.cutoff, self.smooth))).setStretchFactor(self.table, 1)
         self.table.way_wanted.connect(self.way.setCurrentIndex)
@@ -156,23 +155,6 @@ class GapTools(QWidget):
         """The gap that is chosen."""
         row = self.table.currentIndex().row()
         return self.table.gaps.rows[row] if 0 <= row < len(self.table.gaps.rows) else None
-
-    def _describe(self) -> None:
-        tips = (
-            (self.way, self.tr("Way of filling"), self.tr("How the chosen gap is filled; the curve shows it first")),
-            (self.donor, self.tr("Marker that is followed"), self.tr("Whose path fills the gap")),
-            (self.words, self.tr("Deviation"), self.tr("How far this way is off where the marker is seen")),
-            (self.fill, self.tr("Fill"), self.tr("Fill the chosen gap in this way, in all exports of filled markers")),
-            (self.fill_all, self.tr("Fill all of it"), self.tr("Fill all gaps of this marker in this way")),
-            (self.cutoff, self.tr("Cutoff"), self.tr("Above it motion is smoothed away; the curve shows it first")),
-            (
-                self.smooth,
-                self.tr("Smooth"),
-                self.tr("Smooth the selected markers, in the range of the timeline if one is chosen"),
-            ),
-        )
-        for widget, name, tip in tips:
-            describe(widget, name, tip)
 
     def _follow_way(self) -> None:
         self.donor.setVisible(self.method == "pattern")

@@ -27,6 +27,7 @@ from skelgen_gui.model.selection import NO_MARKERS, Selection
 from skelgen_gui.project.deriving import Deriver
 from skelgen_gui.project.session import Session
 from skelgen_gui.timeline.span import GUTTER, MARGIN, VisibleSpan, plot_width, zoom_or_pan, zoomed_by_key
+from skelgen_gui.widgets.layouts import put_texts
 from skelgen_gui.widgets.painting import (
     blended,
     colour_of_limb,
@@ -72,11 +73,9 @@ class LaneView(QWidget):
         self._is_dragging = False
         self.deriver = Deriver(self)
         self._bar = QScrollBar(Qt.Orientation.Vertical, self)
-        self._bar.setAccessibleName(self.tr("Scroll lanes"))
         self._bar.setSingleStep(_LANE)
         self._bar.valueChanged.connect(self.update)
-        self.setAccessibleName(self.tr("Lanes of markers"))
-        self.setAccessibleDescription(self.tr("One lane for each marker: seen, filled, doubtful or left out"))
+        put_texts(self)
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
         self.setMouseTracking(True)
         for signal in (session.frame_changed, session.selection_changed, span.changed):
@@ -309,7 +308,7 @@ class Legend(QWidget):
             State.DOUBTFUL: self.tr("doubtful"),
             State.LEFT_OUT: self.tr("on no limb"),
         }
-        self.setAccessibleName(self.tr("Meaning of the bars"))
+        put_texts(self)
         self.setAccessibleDescription(", ".join(self._words.values()))
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
 

@@ -24,7 +24,7 @@ from skelgen_gui.project.session import Session
 from skelgen_gui.timeline.gaps import GapTools
 from skelgen_gui.timeline.plot_view import PlotView
 from skelgen_gui.timeline.span import VisibleSpan
-from skelgen_gui.widgets.layouts import bare_column, describe
+from skelgen_gui.widgets.layouts import bare_column, put_texts
 
 _WIDTH = 300  # px, of the gaps
 _AROUND = 1.5  # lengths of a gap that are shown before and behind it
@@ -59,9 +59,7 @@ class MarkerCurves(PanelWhileSeen):
             QUANTITIES, (self.tr("Position"), self.tr("Speed"), self.tr("Distances")), strict=True
         ):
             self.quantity.addItem(words, quantity)
-        describe(self.quantity, self.tr("What is drawn"), self.tr("Distances: to limb mates, or of a selection"))
-        self.plot.setAccessibleName(self.tr("Curves of markers"))
-        self.plot.setToolTip(self.tr("Curves of the selected markers. Wheel: zoom, click: go there"))
+        put_texts(self)
         side = QWidget(self)
         side.setFixedWidth(_WIDTH)
         bare_column(side, (self.quantity, self.tools)).setStretchFactor(self.tools, 1)

@@ -32,6 +32,7 @@ from skelgen_gui.model.curves import Curve, Panel, joint_panels, residual_curve,
 from skelgen_gui.project.deriving import Deriver
 from skelgen_gui.project.session import Session
 from skelgen_gui.timeline.span import GUTTER, MARGIN, VisibleSpan, plot_width, zoom_or_pan, zoomed_by_key
+from skelgen_gui.widgets.layouts import put_texts
 from skelgen_gui.widgets.painting import (
     blended,
     colour_of_limb,
@@ -190,8 +191,7 @@ class Curves(PlotView):
         super().__init__(session, span or VisibleSpan(session, parent), parent)
         self._mean: tuple[Project, Curve] | None = None
         self.deriver = Deriver(self)
-        self.setAccessibleName(self.tr("Curves"))
-        self.setToolTip(self.tr("Residuals, and angles of the selected joint. Wheel: zoom, click: go there"))
+        put_texts(self)
         session.project_changed.connect(self._follow)
         session.selection_changed.connect(self._follow)
         self._follow()

@@ -34,7 +34,7 @@ from skelgen_gui.timeline.lane_view import LaneView, Legend
 from skelgen_gui.timeline.player import SPEEDS, PlayCommands, Player
 from skelgen_gui.timeline.plot_view import PlotView
 from skelgen_gui.timeline.span import GUTTER, VisibleSpan, clock, plot_width, ruler_step, zoom_or_pan
-from skelgen_gui.widgets.layouts import bare_column, describe
+from skelgen_gui.widgets.layouts import bare_column, put_texts
 from skelgen_gui.widgets.painting import blended, cursor_colour, drawn_pixmap
 from skelgen_gui.widgets.shortcuts import make_actions
 
@@ -73,9 +73,7 @@ class Timeline(QWidget):
         self.counts = PlotView(session, self.span, self)
         self.lane_view = LaneView(session, self.span, self)
         self.deriver = Deriver(self)
-        self.setAccessibleName(self.tr("Timeline"))
-        self.counts.setAccessibleName(self.tr("Points that belong to no marker"))
-        self.counts.setToolTip(self.tr("How many points of each frame belong to no marker"))
+        put_texts(self)
         self.counts.setFixedHeight(_COUNTS_HEIGHT)
         column = bare_column(self, (self.transport, self.ruler, self.counts, self.lane_view, Legend(self)))
         column.setSpacing(0)
@@ -162,13 +160,11 @@ class Transport(QWidget):
         self.frame = QSpinBox(self)
         self.frame.setKeyboardTracking(False)
         self.frame.setMinimumWidth(84)
-        describe(self.frame, self.tr("Frame"), self.tr("The frame that is shown, counted from 0"))
         self.frame.valueChanged.connect(self._session.show_frame)
         self._time = QLabel(self)
         self._time.setContentsMargins(_GAP // 2, 0, 0, 0)
-        describe(self._time, self.tr("Time"), self.tr("Time of the frame, and of the last one"))
         self.speed = QComboBox(self)
-        describe(self.speed, self.tr("Speed"), self.tr("How fast the take is played"))
+        put_texts(self)
         for speed in SPEEDS:
             self.speed.addItem(f"{plain(speed)} ×", speed)
         self.speed.activated.connect(lambda index: self._player.set_speed(self.speed.itemData(index)))
@@ -285,8 +281,7 @@ class Ruler(QWidget):
         super().__init__(parent)
         self._session, self._player, self._span = session, player, span
         self._grip: int | None = None
-        self.setAccessibleName(self.tr("Ruler"))
-        self.setToolTip(self.tr("Click or drag to go to a frame; drag the two handles to set what is played"))
+        put_texts(self)
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
         self.setMouseTracking(True)
         for signal in (session.frame_changed, session.project_changed, player.settings_changed, span.changed):

@@ -16,7 +16,7 @@ from skelgen_gui.model.view_state import KeptVideo
 from skelgen_gui.project.deriving import Deriver
 from skelgen_gui.project.session import Session
 from skelgen_gui.widgets.fields import set_up_number
-from skelgen_gui.widgets.layouts import column, describe, row_of
+from skelgen_gui.widgets.layouts import column, put_texts, row_of
 from skelgen_gui.widgets.painting import paint_words
 
 _MOST_SECONDS = 36_000.0  # of the offset
@@ -31,7 +31,7 @@ class VideoPicture(QWidget):
         super().__init__(parent)
         self.image: QImage | None = None
         self.sentence = ""
-        self.setAccessibleName(self.tr("Picture of the video"))
+        put_texts(self)
         self.setMinimumSize(_SIZE)
 
     def show_picture(self, picture: Image | None, sentence: str) -> None:
@@ -101,18 +101,7 @@ class VideoPane(QWidget):
         self.show_video(None)
 
     def _describe(self) -> None:
-        describe(self.choose, self.tr("Choose a video"), self.tr("Show a video that was filmed beside the recording"))
-        describe(self.remove, self.tr("Remove the video"), self.tr("Show no video; the file stays"))
-        describe(
-            self.offset,
-            self.tr("Offset of the video"),
-            self.tr("Time of the video where the recording begins; an arrow is one picture"),
-        )
-        describe(
-            self.rate,
-            self.tr("Rate of the video"),
-            self.tr("Pictures per second as they were filmed; of slow motion the file says less"),
-        )
+        put_texts(self)
         set_up_number(self.offset, (-_MOST_SECONDS, _MOST_SECONDS), 3, " s")
         set_up_number(self.rate, (0.001, _MOST_RATE), 3, " Hz")
 

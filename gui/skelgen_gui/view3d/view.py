@@ -29,6 +29,7 @@ from skelgen_gui.model.wording import about
 from skelgen_gui.project.session import Session
 from skelgen_gui.view3d import controls
 from skelgen_gui.view3d.renderer import NO_FRUSTUMS, Renderer
+from skelgen_gui.widgets.layouts import put_texts
 from skelgen_gui.widgets.painting import paint_words
 
 _MARGIN = 8  # px, of the buttons from the border
@@ -326,13 +327,7 @@ class View3D(QWidget):
         self.shown_changed.connect(commands.follow)
 
     def _set_up_widget(self) -> None:
-        self.setAccessibleName(self.tr("3-D view"))
-        usage = self.tr(
-            "Drag to turn, drag with the right button to shift, turn the wheel to zoom. Click to select, with Ctrl to "
-            "add; Shift and drag selects the markers in a rectangle."
-        )
-        self.setToolTip(usage)
-        self.setAccessibleDescription(usage)
+        put_texts(self)
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
         self.setMouseTracking(True)
         self.setAttribute(Qt.WidgetAttribute.WA_OpaquePaintEvent)

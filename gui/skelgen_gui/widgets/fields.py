@@ -6,10 +6,7 @@ no such words here is plain already. Files, command line and documentation keep 
 """
 
 import math
-import tomllib
 from collections.abc import Callable
-from functools import cache
-from pathlib import Path
 from typing import Any
 
 from PySide6.QtCore import QCoreApplication, QEvent, QObject, Qt, Signal
@@ -31,7 +28,7 @@ from PySide6.QtWidgets import (
 )
 
 from skelgen.parameters import Declaration
-from skelgen_gui.widgets.layouts import bare_column, describe, row_of
+from skelgen_gui.widgets.layouts import bare_column, describe, read_table, row_of
 
 _DIGITS = 12  # of a number that was stepped to: hides that 0.1 + 0.2 is not 0.3
 _EXACT = 1e15  # whole numbers below are shown with all their digits
@@ -355,15 +352,9 @@ class FoundOrGiven(QWidget):
         self.changed.emit()
 
 
-@cache
-def _words() -> dict[str, dict[str, str]]:
-    """What parameters and their choices are called, by their names in files."""
-    return tomllib.loads(Path(__file__).with_name("tables").joinpath("words.toml").read_text(encoding="utf-8"))
-
-
 def title_of(declaration: Declaration) -> str:
     """Return what a parameter is called in a form."""
-    title = _words()["parameters"].get(declaration.name, declaration.name.replace("_", " ").capitalize())
+    title = read_table("words")["parameters"].get(declaration.name, declaration.name.replace("_", " ").capitalize())
     return QCoreApplication.translate("Parameters", title)
 
 
@@ -377,6 +368,6 @@ def choice_of(declaration: Declaration, choice: str) -> str:
     choice : str
         Its name in files.
     """
-    is_of_stage = declaration.name in _words()["parameters"]  # other forms use some of these words otherwise
-    words = _words()["choices"].get(choice, choice) if is_of_stage else choice
+    is_of_stage = declaration.name in read_table("words")["parameters"]  # other forms use some of these words otherwise
+    words = read_table("words")["choices"].get(choice, choice) if is_of_stage else choice
     return QCoreApplication.translate("Parameters", words)

@@ -12,7 +12,7 @@ from PySide6.QtWidgets import QGridLayout, QLabel, QPushButton, QToolButton, QWi
 from skelgen.errors import ParameterError
 from skelgen.parameters import Declaration, ParameterValue, StageParameters
 from skelgen_gui.widgets.fields import Expander, choice_of, editor_for, title_of
-from skelgen_gui.widgets.layouts import bare_column, describe, wrap
+from skelgen_gui.widgets.layouts import bare_column, put_texts, wrap
 from skelgen_gui.widgets.painting import CHANGED_ROLE, PROBLEM_ROLE
 
 # Returns the clean value of what was entered for a declaration, or raises `ParameterError`
@@ -268,7 +268,7 @@ class ParameterForm(QWidget):
         layout = bare_column(self, (self._boxes[0], self._expander, self._boxes[1], self._help))
         layout.addWidget(self._reset_all, alignment=Qt.AlignmentFlag.AlignRight)
         layout.addStretch(1)
-        describe(self._reset_all, self.tr("Reset all parameters"), self.tr("Return all parameters to their defaults"))
+        put_texts(self)
         self._reset_all.clicked.connect(self.reset)
         self._expander.setVisible(bool(self._advanced))
 

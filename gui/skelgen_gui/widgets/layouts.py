@@ -1,9 +1,12 @@
 """What every page needs: names, tool tips, rows, scrolled columns, and tables whose rows come from elsewhere."""
 
+import tomllib
 from collections.abc import Iterable, Sequence
-from typing import Generic, TypeVar
+from functools import cache
+from pathlib import Path
+from typing import Any, Generic, TypeVar
 
-from PySide6.QtCore import QAbstractTableModel, QModelIndex, QObject, QPersistentModelIndex, Qt
+from PySide6.QtCore import QAbstractTableModel, QCoreApplication, QModelIndex, QObject, QPersistentModelIndex, Qt
 from PySide6.QtWidgets import (
     QAbstractItemView,
     QBoxLayout,
@@ -20,6 +23,31 @@ from PySide6.QtWidgets import (
 )
 
 _BESIDE_BAR = 6  # px, between what is scrolled and the scroll bar
+
+
+@cache
+def read_table(name: str) -> dict[str, Any]:
+    """Return one of the readable tables of words: ``texts``, ``words`` or ``commands``."""
+    return tomllib.loads(Path(__file__).with_name("tables").joinpath(f"{name}.toml").read_text(encoding="utf-8"))
+
+
+# What sets each of the texts of a widget
+_SETTERS = {
+    "text": "setText",
+    "name": "setAccessibleName",
+    "tip": "setToolTip",
+    "hint": "setPlaceholderText",
+    "about": "setAccessibleDescription",
+}
+
+
+def put_texts(widget: QWidget) -> None:
+    """Give a widget and its parts the texts of the table ``texts``, where each stands under its class and attribute."""
+    kind = next(kind.__name__ for kind in type(widget).__mro__ if kind.__name__ in read_table("texts"))
+    for part, texts in read_table("texts")[kind].items():
+        for what, text in texts.items():
+            owner = widget if part == "self" else getattr(widget, part)
+            getattr(owner, _SETTERS[what])(QCoreApplication.translate(kind, text))
 
 
 def describe(widget: QWidget, name: str, tip: str = "") -> None:

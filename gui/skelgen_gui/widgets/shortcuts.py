@@ -5,10 +5,8 @@ keys that they need themselves (`KeyKeeper`). Texts are translated in the contex
 ring surrounds what has the focus.
 """
 
-import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 from PySide6.QtCore import QCoreApplication, QEvent, QObject, QRectF, Qt
 from PySide6.QtGui import QAction, QKeyEvent, QKeySequence, QPainter, QPaintEvent, QPalette, QPen
@@ -32,7 +30,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from skelgen_gui.widgets.layouts import column, describe
+from skelgen_gui.widgets.layouts import column, put_texts, read_table
 
 _SIZE = (640, 560)  # px, of the dialog
 
@@ -71,11 +69,7 @@ class Command:
     is_checkable: bool = False
 
 
-COMMANDS = tuple(
-    Command(menu=menu, **entry)
-    for menu, entries in tomllib.loads((Path(__file__).parent / "tables" / "commands.toml").read_text("utf-8")).items()
-    for entry in entries
-)
+COMMANDS = tuple(Command(menu=menu, **entry) for menu, entries in read_table("commands").items() for entry in entries)
 """All commands, in the order of the menus."""
 
 
@@ -174,8 +168,6 @@ class ShortcutsDialog(QDialog):
         self.resize(*_SIZE)
 
     def _describe(self) -> None:
-        self.search.setPlaceholderText(self.tr("Search"))
-        describe(self.search, self.tr("Search the shortcuts"), self.tr("Part of a command or a key"))
         self.search.setClearButtonEnabled(True)
         self.search.textChanged.connect(self._filter)
         self.table.setHorizontalHeaderLabels([self.tr("Command"), self.tr("Key"), self.tr("What it does")])
@@ -185,8 +177,7 @@ class ShortcutsDialog(QDialog):
         self.table.setSelectionBehavior(QTableWidget.SelectionBehavior.SelectRows)
         self.table.setAlternatingRowColors(True)
         self.table.setTabKeyNavigation(False)
-        self.table.setAccessibleName(self.tr("Keyboard shortcuts"))
-        self.table.setToolTip(self.tr("They hold in the whole window; single letters not while you type in a field"))
+        put_texts(self)
 
     def _add(self, action: QAction) -> None:
         row = self.table.rowCount()
