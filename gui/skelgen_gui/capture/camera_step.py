@@ -62,11 +62,10 @@ class CameraStep(Step[BoardShot]):
         self._fits: dict[str, Fit] = {}
         self.found: StereoCalibration | None = None
         self.collection = ViewCollection()
-        self.form, self.take = BoardForm(self), QPushButton(self.tr("Take this view"), self)
+        self.form, self.take = BoardForm(self), QPushButton(self)
         self.coverage, self.views = CoverageView(self), ViewList(self)
-        self.remove, self.clear = QPushButton(self.tr("Remove"), self), QPushButton(self.tr("Clear"), self)
-        self.calibrate = QPushButton(self.tr("Calibrate"), self)
-        self.save = QPushButton(self.tr("Save settings…"), self)
+        self.remove, self.clear = QPushButton(self), QPushButton(self)
+        self.calibrate, self.save = QPushButton(self), QPushButton(self)
         self.cameras = CameraTable(self)
         put_texts(self)
         parts = (self.form, row_of(self.go, self.take), self.state, self.coverage, row_of(self.calibrate, self.save))
@@ -248,10 +247,13 @@ class BoardForm(ImageForm):
         corners = row_of(self.columns, words[0], self.rows, words[1], room=True)
         self.fields.addRow(self.tr("Board"), corners)
         self.fields.addRow(self.tr("Square"), self.square)
-        self.add_source(self.tr("cameras, a folder, a list or videos"))
-        tip = self.tr("Try it without cameras: a board moves before the simulated rig")
-        self.add_buttons(self.tr("Simulated board"), self.tr("Look at a simulated board"), tip)
-        self._describe()
+        self.add_source()
+        self.add_buttons()
+        put_texts(self)
+        set_up_number(self.square, (0.1, _LARGEST_SQUARE), 3, self.tr(" mm"))
+        for box in (self.columns, self.rows):
+            box.setRange(3, _MOST_CORNERS)
+        self._show_usual()
         for box in (self.columns, self.rows):
             box.valueChanged.connect(self.changed)
         self.square.valueChanged.connect(self.size_changed)
@@ -262,21 +264,11 @@ class BoardForm(ImageForm):
         """The board."""
         return Board(self.columns.value(), self.rows.value(), self.square.value())
 
-    def _describe(self) -> None:
-        tip = self.tr("Corners where four squares meet, not squares: a chessboard of 10 x 7 squares has 9 x 6")
-        for box, value, name in (
-            (self.columns, 9, self.tr("Corners along the longer side")),
-            (self.rows, 6, self.tr("Corners along the shorter side")),
-        ):
-            box.setRange(3, _MOST_CORNERS)
-            box.setValue(value)
-            describe(box, name, tip)
-        set_up_number(self.square, (0.1, _LARGEST_SQUARE), 3, self.tr(" mm"))
-        self.square.setValue(25.0)
-        put_texts(self)
-
-    def _choose_simulation(self) -> None:
+    def _show_usual(self) -> None:
         self.columns.setValue(9)
         self.rows.setValue(6)
         self.square.setValue(25.0)
+
+    def _choose_simulation(self) -> None:
+        self._show_usual()
         self.take_source(_SIMULATED_BOARD)

@@ -122,12 +122,6 @@ class ViewList(ValueTable):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        tip = self.tr(
-            "Views that were taken; after the calibration, how far their corners are from where they are "
-            "expected [px]. Delete takes the chosen ones away"
-        )
-        titles = self.tr("View"), self.tr("Left"), self.tr("Right"), self.tr("Used")
-        self.describe(self.tr("Views of the board"), tip, titles)
         self.setFixedHeight(_LIST_HEIGHT)
         self._views: tuple[CollectedView, ...] = ()
 
@@ -201,8 +195,6 @@ class CameraTable(ValueTable):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        tip = self.tr("What was measured, with standard deviations; values without one were held fixed")
-        self.describe(self.tr("Numbers of both cameras"), tip, ("", self.tr("left"), self.tr("right")))
         self.setFixedHeight(_TABLE_HEIGHT)
         self.hide()
 

@@ -180,10 +180,11 @@ class _RecordRow(QWidget):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.line = QLineEdit(str(Path.home() / f"capture{_SUFFIX}"), self)
-        self.browse, self.record = QPushButton(self.tr("Choose…"), self), QPushButton(self.tr("● Record"), self)
-        self.open = QPushButton(self.tr("Open this recording"), self)
+        self.browse, self.record, self.open = QPushButton(self), QPushButton(self), QPushButton(self)
         self.recorded: Path | None = None
-        self._describe()
+        put_texts(self)
+        self.record.setCheckable(True)
+        self.set_running(False)
         layout = QGridLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
         layout.addWidget(self.line, 0, 0)
@@ -198,12 +199,6 @@ class _RecordRow(QWidget):
         """Enable recording while something is captured, and opening what was recorded afterwards."""
         self.record.setEnabled(is_running)
         self.open.setEnabled(not is_running and self.recorded is not None)
-
-    def _describe(self) -> None:
-        self.record.setCheckable(True)
-        self.record.setEnabled(False)
-        self.open.setEnabled(False)
-        put_texts(self)
 
     def _choose(self) -> None:
         title, kinds = self.tr("Record into"), self.tr("Recordings (*.mfml *.c3d)")

@@ -48,12 +48,6 @@ class RowTable(ValueTable):
 class BallTable(RowTable):
     """The balls of a target."""
 
-    def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
-        tip = self.tr("Where its balls are in the target, with standard deviations; values without one are defined so")
-        titles = self.tr("Ball"), self.tr("x [mm]"), self.tr("y [mm]"), self.tr("z [mm]")
-        self.describe(self.tr("Balls of the target"), tip, titles)
-
     def show_calibration(self, done: BodyCalibration) -> None:
         """Show what was found."""
         from skelgen.capture.calibration.table import ball_rows  # noqa: PLC0415 - only where there is a result
@@ -63,14 +57,6 @@ class BallTable(RowTable):
 
 class JointTable(RowTable):
     """Where joints are: a row for the place in each of both targets."""
-
-    def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
-        tip = self.tr(
-            "Where joints are in both targets, with standard deviations; the gap is how far these places are apart"
-        )
-        titles = self.tr("Joint"), self.tr("x [mm]"), self.tr("y [mm]"), self.tr("z [mm]")
-        self.describe(self.tr("Joints that were found"), tip, titles)
 
     def show_calibration(self, done: JointCalibration) -> None:
         """Show what was found."""
@@ -93,12 +79,6 @@ class MotionTable(RowTable):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        tip = self.tr(
-            "How far one target has turned in another about three axes, and in how many pairs of images both are; "
-            "the dots below show the chosen one"
-        )
-        titles = self.tr("Motion"), self.tr("Together"), self.tr("Turned [°]")
-        self.describe(self.tr("How far joints were moved"), tip, titles)
         self._motions: tuple[JointMotion, ...] = ()
 
     @property

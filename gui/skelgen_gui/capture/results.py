@@ -12,7 +12,7 @@ from PySide6.QtWidgets import QLabel, QListWidget, QTableWidget, QTableWidgetIte
 from skelgen.app.capture_jobs.messages import LiveShot
 from skelgen.capture.target_joints import angle_names
 from skelgen.model.rig import CaptureSettings, RoomSettings
-from skelgen_gui.widgets.layouts import describe, fit_columns, put_texts, wrap
+from skelgen_gui.widgets.layouts import fit_columns, put_texts, wrap
 
 MOST_NOTICES = 200
 """Notices that are kept: a loose plug must not fill the memory."""
@@ -68,20 +68,10 @@ class ValueTable(QTableWidget):
         self.setSelectionBehavior(QTableWidget.SelectionBehavior.SelectRows)
         self.verticalHeader().hide()
         self.verticalHeader().setDefaultSectionSize(self.fontMetrics().height() + 6)
+        put_texts(self)
 
-    def describe(self, name: str, tip: str, titles: Sequence[str]) -> None:
-        """Describe the table.
-
-        Parameters
-        ----------
-        name : str
-            What it is, for readers of the screen.
-        tip : str
-            What its numbers are.
-        titles : sequence of str
-            Of its columns.
-        """
-        describe(self, name, tip)
+    def show_columns(self, titles: Sequence[str]) -> None:
+        """Show columns of these titles."""
         self.setColumnCount(len(titles))
         self.setHorizontalHeaderLabels(list(titles))
         fit_columns(self.horizontalHeader(), 0)
@@ -152,15 +142,6 @@ class _ShotTable(ValueTable):
 class AngleTable(_ShotTable):
     """Angles of joints, in degrees."""
 
-    def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
-        tip = self.tr(
-            "Angles of joints, their standard deviations, and how far the joint's places in both bodies are "
-            "apart; a ball joint has three, the parts of its rotation vector"
-        )
-        titles = self.tr("Joint"), self.tr("Angle [°]"), self.tr("± [°]"), self.tr("Gap [mm]")
-        self.describe(self.tr("Joint angles"), tip, titles)
-
     def names_of(self, settings: CaptureSettings | RoomSettings) -> list[str]:
         """Return a name for each angle."""
         return [name for joint in settings.joints for name in angle_names(joint)]
@@ -179,15 +160,6 @@ class AngleTable(_ShotTable):
 
 class BodyTable(_ShotTable):
     """Bodies and where they are."""
-
-    def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
-        tip = self.tr(
-            "Where bodies are in the rig's world, and the standard deviation of that in all; "
-            "a dash stands for one that is not seen"
-        )
-        titles = [self.tr("Body"), self.tr("x [mm]"), self.tr("y [mm]"), self.tr("z [mm]"), self.tr("± [mm]")]
-        self.describe(self.tr("Bodies"), tip, titles)
 
     def names_of(self, settings: CaptureSettings | RoomSettings) -> list[str]:
         """Return the names of the bodies."""

@@ -54,18 +54,6 @@ class RoomStep(Step[WandShot]):
         self.found: WandCalibration | None = None
         self._collectors: list[WandCollector] = []
         put_texts(self)
-        self.state.setText(
-            self.tr(
-                "1. Wave the wand through the whole room for a minute; the green parts of the pictures are covered."
-            )
-        )
-        for button, name, tip in (
-            (self.calibrate, self.tr("Calibrate"), self.tr("Compute all cameras from what was taken")),
-            (self.floor, self.tr("Find the floor"), self.tr("Take the L-frame on the floor: the origin, x and up")),
-            (self.save, self.tr("Save settings…"), self.tr("Write the cameras into a settings file")),
-        ):
-            button.setText(name)
-            describe(button, name, tip)
         self.lay_out((self.form, self.go, self.state, row_of(self.calibrate, self.floor, self.save), self.verdict))
         self.form.start_wanted.connect(self.start)
         self.calibrate.clicked.connect(self.run_calibration)
@@ -196,14 +184,11 @@ class RoomForm(ImageForm):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.wand, self.arms = QLineEdit("0, 180, 500", self), QLineEdit("600, 400", self)
-        tip = self.tr("From the ball in its corner to the others [mm]; x runs along the first arm, z up")
         self.fields.addRow(self.tr("Wand"), self.wand)
-        self.add_source(self.tr("cameras, a folder of folders or videos"))
-        tip = self.tr("Try it without cameras: four simulated ones look at a waved wand")
-        self.add_buttons(self.tr("Simulated wand"), self.tr("Wave a simulated wand"), tip)
+        self.add_source()
+        self.add_buttons()
         self.ground = SourceField(self)
         put_texts(self)
-        self.ground.show_hint(self.tr("the same cameras"))
         self.fields.addRow(self.tr("L-frame"), self.arms)
         self.fields.addRow(self.tr("its source"), self.ground)
         self.simulated.clicked.connect(self._choose_simulation)

@@ -27,7 +27,7 @@ from skelgen_gui.capture.steps import AddingStep, Plan
 from skelgen_gui.project.deriving import Deriver
 from skelgen_gui.project.jobs import Jobs
 from skelgen_gui.widgets.fields import keep_narrow
-from skelgen_gui.widgets.layouts import bare_column, describe, put_texts, row_of
+from skelgen_gui.widgets.layouts import bare_column, put_texts, row_of
 
 if TYPE_CHECKING:
     from skelgen.app.capture_jobs.collecting import BodyCollector, JointCollector
@@ -266,18 +266,7 @@ class RequestList(QWidget):
 
     def _describe(self) -> None:
         self.kind.addItems(list(self._types))
-        titles = self.tr("Joint"), self.tr("Parent"), self.tr("Child"), self.tr("Kind")
-        tip = self.tr("Joints that are measured; Delete takes the chosen ones away. Without any, joints are found")
-        self.table.describe(self.tr("Joints that are measured"), tip, titles)
-        carries = self.tr("The target that carries the joint, such as the upper arm of the elbow")
-        turns = self.tr("The target that turns, such as the lower arm of the elbow")
-        for box, name, tip, hint in (
-            (self.kind, self.tr("Type of the joint"), self.tr("Found from the motion, or stated"), ""),
-            (self.parent_box, self.tr("Parent of the joint"), carries, self.tr("Parent")),
-            (self.child_box, self.tr("Child of the joint"), turns, self.tr("Child")),
-        ):
-            describe(box, name, tip)
-            box.setPlaceholderText(hint)
+        for box in (self.kind, self.parent_box, self.child_box):
             keep_narrow(box, 8)
         put_texts(self)
 

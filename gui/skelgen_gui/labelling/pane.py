@@ -29,7 +29,7 @@ from skelgen_gui.project.corrections import CorrectionActions
 from skelgen_gui.project.deriving import Deriver, PanelWhileSeen
 from skelgen_gui.project.session import Document
 from skelgen_gui.widgets.fields import keep_narrow
-from skelgen_gui.widgets.layouts import column, describe, put_texts, row_of
+from skelgen_gui.widgets.layouts import column, put_texts, row_of
 
 _MOST_NAMES = 200  # in the list
 _NAMES_HEIGHT = 110  # px, at most
@@ -68,7 +68,7 @@ class LabellingPane(PanelWhileSeen):
         self.search, self.table = QLineEdit(self), MarkerTable(session, self)
         self.name, self.sets = _NameLine(self), QComboBox(self)
         self.names, self._left = QListView(self), QStringListModel(self)
-        self.after_click = QCheckBox(self.tr("Type a name after a click on a marker"), self)
+        self.after_click = QCheckBox(self)
         self.questions = Questions(session, self)
         self._describe()
         parts = (self.search, self.table, row_of(self.name, self.sets), self.names, self.after_click, self.questions)
@@ -90,9 +90,6 @@ class LabellingPane(PanelWhileSeen):
         self.names.setSpacing(2)
         put_texts(self)
         self.after_click.setChecked(True)
-        describe(
-            self.after_click, self.after_click.text(), self.tr("A click on a marker in any view leads to its name here")
-        )
 
     def _connect(self) -> None:
         session = self._session

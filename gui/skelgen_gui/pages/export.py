@@ -80,9 +80,8 @@ class ExportPage(QWidget):
         self.options_box = QGroupBox(self.tr("Options"), self)
         self._options = QVBoxLayout(self.options_box)
         self.target = _ExportTarget(self)
-        self.export, self.cancel = QPushButton(self.tr("Export"), self), QPushButton(self.tr("Cancel"), self)
+        self.export, self.cancel, self.show_folder = QPushButton(self), QPushButton(self), QPushButton(self)
         self.progress = QProgressBar(self)
-        self.show_folder = QPushButton(self.tr("Show folder"), self)
         self._describe()
         self._lay_out()
         self._connect()
@@ -99,12 +98,8 @@ class ExportPage(QWidget):
     def _describe(self) -> None:
         for entry in self.formats:
             self.choice.addItem(QCoreApplication.translate("Formats", entry.title))
-        for label, name in (
-            (self.note, self.tr("What the format is")),
-            (self.preview, self.tr("What will be written")),
-            (self.status, self.tr("What has been written")),
-        ):
-            wrap(label, name)
+        for label in (self.note, self.preview, self.status):
+            wrap(label)
         self.preview.setTextFormat(Qt.TextFormat.RichText)
         self.preview.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         self.progress.setRange(0, _PER_MILLE)

@@ -55,7 +55,7 @@ class StagePage(QWidget):
         super().__init__()
         self._stage, self._context = stage, context
         self.setObjectName(f"page-{stage}")
-        self.runs, self.uses_saved = QRadioButton(self.tr("Run this step"), self), QRadioButton(self)
+        self.runs, self.uses_saved = QRadioButton(self), QRadioButton(self)
         self.path, title = QLineEdit(self), self.tr("Project file with the saved result")
         kinds = self.tr("Projects (*{0})").format(SUFFIX)
         self._browse = choose_button(self.path, title, kinds, lambda: context.runner.folder)
@@ -78,7 +78,6 @@ class StagePage(QWidget):
         return QCoreApplication.translate("Pages", STAGE_SUMMARIES[self._stage])
 
     def _describe(self) -> None:
-        self.uses_saved.setText(self.tr("Use a saved result"))
         self.path.setPlaceholderText(self.tr("project file, {0}").format(SUFFIX))
         wrap(self.result, self.tr("What came out of this step"))
         self.result.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)

@@ -77,15 +77,13 @@ class TakesPage(QWidget):
         self._context = context
         self.setObjectName("page-takes")
         self.setAcceptDrops(True)
-        self.add, self.remove = QPushButton(self.tr("Add takes…"), self), QPushButton(self.tr("Remove"), self)
+        self.add, self.remove = QPushButton(self), QPushButton(self)
         self.takes, self.table = _TakesModel(self), QTableView(self)
         self.skeleton, self.subject, self.folder = QComboBox(self), QLineEdit(self), QLineEdit(self)
         title, kinds = self.tr("Project with the skeleton"), self.tr("Projects (*{0})").format(SUFFIX)
         self._browse_subject = choose_button(self.subject, title, kinds, lambda: context.runner.folder)
         self._browse = choose_button(self.folder, self.tr("Folder of the results"))
-        self.go = QPushButton(self.tr("Run all takes"), self)
-        self.open, self.compare = QPushButton(self.tr("Open result"), self), QPushButton(self.tr("Compare"), self)
-        self.show_page = QPushButton(self.tr("Show page"), self)
+        self.go, self.open, self.compare, self.show_page = (QPushButton(self) for _ in range(4))
         self.status = QLabel(self)
         self._page: Path | None = None
         self._describe()
@@ -98,14 +96,13 @@ class TakesPage(QWidget):
         self._follow()
 
     def _describe(self) -> None:
-        tr = self.tr
         self.table.setModel(self.takes)
         choose_by_rows(self.table)
         fit_columns(self.table.horizontalHeader(), 1)
-        self.skeleton.addItem(tr("Each take finds its own skeleton"), _OWN)
-        self.skeleton.addItem(tr("All take the skeleton of a project"), _OF_PROJECT)
-        self.subject.setPlaceholderText(tr("project file, {0}").format(SUFFIX))
-        wrap(self.status, tr("What became of the takes"))
+        self.skeleton.addItem(self.tr("Each take finds its own skeleton"), _OWN)
+        self.skeleton.addItem(self.tr("All take the skeleton of a project"), _OF_PROJECT)
+        self.subject.setPlaceholderText(self.tr("project file, {0}").format(SUFFIX))
+        wrap(self.status, self.tr("What became of the takes"))
         put_texts(self)
 
     def _connect(self) -> None:

@@ -86,7 +86,9 @@ class VideoPane(QWidget):
         self.picture = VideoPicture(self)
         self.choose, self.remove = QPushButton(self.tr("Choose…"), self), QPushButton(self.tr("Remove"), self)
         self.offset, self.rate = QDoubleSpinBox(self), QDoubleSpinBox(self)
-        self._describe()
+        put_texts(self)
+        set_up_number(self.offset, (-_MOST_SECONDS, _MOST_SECONDS), 3, " s")
+        set_up_number(self.rate, (0.001, _MOST_RATE), 3, " Hz")
         choices = row_of(self.choose, self.remove, room=True)
         numbers = row_of(
             QLabel(self.tr("Offset"), self), self.offset, QLabel(self.tr("Rate"), self), self.rate, room=True
@@ -99,11 +101,6 @@ class VideoPane(QWidget):
         session.frame_changed.connect(self._follow)
         session.project_changed.connect(self._follow)
         self.show_video(None)
-
-    def _describe(self) -> None:
-        put_texts(self)
-        set_up_number(self.offset, (-_MOST_SECONDS, _MOST_SECONDS), 3, " s")
-        set_up_number(self.rate, (0.001, _MOST_RATE), 3, " Hz")
 
     @property
     def kept(self) -> KeptVideo | None:

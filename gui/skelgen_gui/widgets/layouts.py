@@ -38,6 +38,7 @@ _SETTERS = {
     "tip": "setToolTip",
     "hint": "setPlaceholderText",
     "about": "setAccessibleDescription",
+    "columns": "show_columns",
 }
 
 
@@ -45,9 +46,10 @@ def put_texts(widget: QWidget) -> None:
     """Give a widget and its parts the texts of the table ``texts``, where each stands under its class and attribute."""
     kind = next(kind.__name__ for kind in type(widget).__mro__ if kind.__name__ in read_table("texts"))
     for part, texts in read_table("texts")[kind].items():
+        owner = widget if part == "self" else getattr(widget, part)
         for what, text in texts.items():
-            owner = widget if part == "self" else getattr(widget, part)
-            getattr(owner, _SETTERS[what])(QCoreApplication.translate(kind, text))
+            every = [QCoreApplication.translate(kind, one) for one in ([text] if isinstance(text, str) else text)]
+            getattr(owner, _SETTERS[what])(every[0] if isinstance(text, str) else every)
 
 
 def describe(widget: QWidget, name: str, tip: str = "") -> None:
