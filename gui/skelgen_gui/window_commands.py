@@ -111,9 +111,9 @@ class WindowCommands(QObject):
     def _fill_view(self, menu: QMenu) -> None:
         commands = self._view3d.commands
         menu.addSeparator()
-        menu.addActions([commands.fit, commands.fit_take, commands.front, commands.side, commands.top])
+        menu.addActions(list(commands.moves.values()))
         menu.addSeparator()
-        menu.addActions([commands.hide, commands.isolate, commands.show_all])
+        menu.addActions(list(commands.hiding.values()))
         menu.addSeparator()
         commands.fill(menu)
         cameras = menu.addAction(self.tr("Cameras of a capture…"), self._context.cameras.choose)

@@ -312,17 +312,11 @@ class View3D(QWidget):
 
     def _connect_commands(self) -> None:
         commands = self.commands
-        for action, move in (
-            (commands.fit, self.fit),
-            (commands.fit_take, self.fit_take),
-            (commands.front, self.look_from_front),
-            (commands.side, self.look_from_side),
-            (commands.top, self.look_from_top),
-            (commands.hide, self.hide_selected),
-            (commands.isolate, self.isolate_selected),
-            (commands.show_all, lambda: self.hide_markers(())),
-        ):
-            action.triggered.connect(move)
+        moves = self.fit, self.fit_take, self.look_from_front, self.look_from_side, self.look_from_top
+        hiding = self.hide_selected, self.isolate_selected, lambda: self.hide_markers(())
+        actions = *commands.moves.values(), *commands.hiding.values()
+        for action, act in zip(actions, (*moves, *hiding), strict=True):
+            action.triggered.connect(act)
         commands.shown_changed.connect(self.set_shown)
         self.shown_changed.connect(commands.follow)
 

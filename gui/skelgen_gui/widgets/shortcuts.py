@@ -61,7 +61,7 @@ class Command:
     """
 
     id: str
-    menu: str
+    menu: str = ""
     text: str = ""
     key: str = ""
     tip: str = ""
@@ -81,7 +81,7 @@ def make_actions(parent: QObject) -> dict[str, QAction]:
     parent : QObject
         Owner of the actions.
     """
-    return {command.id: _action(command, parent) for command in COMMANDS if command.id != SEPARATOR}
+    return {command.id: make_action(command, parent) for command in COMMANDS if command.id != SEPARATOR}
 
 
 def fill_menu_bar(bar: QMenuBar, actions: Mapping[str, QAction]) -> dict[str, QMenu]:
@@ -122,7 +122,16 @@ def fill_tool_bar(bar: QToolBar, actions: Mapping[str, QAction]) -> None:
             bar.addAction(actions[command.id])
 
 
-def _action(command: Command, parent: QObject) -> QAction:
+def make_action(command: Command, parent: QObject) -> QAction:
+    """Return the action of a command.
+
+    Parameters
+    ----------
+    command : Command
+        What it is called, and its keys.
+    parent : QObject
+        Owner of the action.
+    """
     action = QAction(_translated(command.text), parent)
     action.setObjectName(command.id)
     action.setCheckable(command.is_checkable)
