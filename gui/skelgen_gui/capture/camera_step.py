@@ -14,8 +14,8 @@ from skelgen.app.capture_jobs.board_views import ENOUGH, CollectedView, ViewColl
 from skelgen.app.capture_jobs.messages import BoardShot, CollectingControl, FoundInSpace
 from skelgen.capture.calibration.chessboard import Board
 from skelgen.progress import Monitor
-from skelgen_gui.capture.camera_views import CameraTable, CoverageView, Fit, ViewList
 from skelgen_gui.capture.forms import ImageForm
+from skelgen_gui.capture.measured import CameraTable, CoverageView, Fit, ViewList
 from skelgen_gui.capture.steps import Step
 from skelgen_gui.project.jobs import Jobs
 from skelgen_gui.widgets.fields import set_up_number

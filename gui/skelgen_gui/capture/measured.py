@@ -1,32 +1,220 @@
-"""What the calibrations of targets and joints measured: tables, and pictures of how far joints were moved."""
+"""What calibrations show: coverage of images, views, verdicts, tables of results, and how far joints were moved."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 from PySide6.QtCore import QPointF, QRectF, QSize, Qt
-from PySide6.QtGui import QPainter, QPaintEvent, QPalette, QPen
-from PySide6.QtWidgets import QSizePolicy, QWidget
+from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPalette, QPen
+from PySide6.QtWidgets import QLabel, QSizePolicy, QWidget
 
-from skelgen_gui.capture.camera_views import COVERED
+from skelgen.app.capture_jobs.board_views import CollectedView, sides
+from skelgen.capture.calibration.chessboard import LEAST_CORNERS, BoardView, coverage
+from skelgen.capture.calibration.verdict import REPEAT, Verdict
+from skelgen.model.arrays import Floats
 from skelgen_gui.capture.results import ValueTable
-from skelgen_gui.widgets.layouts import put_texts
-from skelgen_gui.widgets.painting import blended, draw_points, is_dark
+from skelgen_gui.widgets.layouts import put_texts, wrap
+from skelgen_gui.widgets.painting import PROBLEM_ROLE, blended, draw_points, is_dark
 
 if TYPE_CHECKING:
     from skelgen.capture.calibration.body import BodyCalibration
     from skelgen.capture.calibration.joints import JointCalibration, JointMotion
+    from skelgen.capture.calibration.stereo import StereoCalibration
+
+COVERED = {False: QColor("#2b8a3e"), True: QColor("#69db7c")}
+"""Of ninths in which there are corners, on light and on dark windows."""
+
+_PARTS = 3
+_GAP = 6.0  # px, between the images
+_SHARE = 0.30  # of the colour, in a ninth that is covered
+_DOT = 2.0  # px
+
+Fit = tuple[float, float, bool]
+"""Distance [px] of the corners from where they are expected, left and right, and whether the view was used."""
+
+_LIST_HEIGHT = 130  # px: five views
+_TABLE_HEIGHT = 290  # px, of the table: all its rows
+
+
+class CoverageView(QWidget):
+    """Both images, small; the ninths where the board has been are coloured.
+
+    Parameters
+    ----------
+    parent : QWidget, optional
+        Parent widget.
+    """
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._size = (640, 480)
+        self._corners = self._marked = sides(())
+        put_texts(self)
+        policy = QSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Preferred)
+        policy.setHeightForWidth(True)
+        self.setSizePolicy(policy)
+
+    def show_views(self, views: Sequence[CollectedView]) -> None:
+        """Show what views cover."""
+        self._corners = sides(views)
+        if views:
+            self._size = views[0].size
+        self.update()
+
+    def mark_views(self, views: Sequence[CollectedView]) -> None:
+        """Let the corners of some views stand out."""
+        self._marked = sides(views)
+        self.update()
+
+    def sizeHint(self) -> QSize:
+        """Return a comfortable size."""
+        return QSize(340, self.heightForWidth(340))
+
+    def heightForWidth(self, width: int) -> int:
+        """Return the height that both images side by side need."""
+        return round((width - _GAP) / 2 * self._size[1] / self._size[0])
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        """Paint both images."""
+        with QPainter(self) as painter:
+            painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+            width = (self.width() - _GAP) / 2
+            for side, title in enumerate((self.tr("left"), self.tr("right"))):
+                box = QRectF(side * (width + _GAP), 0, width, self.height())
+                self._paint_parts(painter, box, self._corners[side])
+                self._paint_corners(painter, box, self._corners[side], COVERED[is_dark(self.palette())])
+                self._paint_corners(
+                    painter, box, self._marked[side], self.palette().color(QPalette.ColorRole.Highlight)
+                )
+                painter.setPen(self.palette().color(QPalette.ColorRole.Text))
+                flags = Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignTop
+                painter.drawText(box.adjusted(6, 3, -6, -3), flags, title)
+
+    def _paint_parts(self, painter: QPainter, box: QRectF, corners: list[Floats]) -> None:
+        """Ninths, those that are covered in colour."""
+        palette = self.palette()
+        paper, colour = palette.color(QPalette.ColorRole.Base), COVERED[is_dark(palette)]
+        counts = coverage(corners, self._size)
+        part = box.width() / _PARTS, box.height() / _PARTS
+        painter.setPen(QPen(palette.color(QPalette.ColorRole.Mid), 1.0))
+        for row in range(_PARTS):
+            for column in range(_PARTS):
+                is_covered = counts[row, column] >= LEAST_CORNERS
+                painter.setBrush(blended(colour, paper, _SHARE) if is_covered else paper)
+                painter.drawRect(QRectF(box.left() + column * part[0], box.top() + row * part[1], *part))
+
+    def _paint_corners(self, painter: QPainter, box: QRectF, corners: list[Floats], colour: QColor) -> None:
+        painter.setPen(QPen(colour, _DOT, Qt.PenStyle.SolidLine, Qt.PenCapStyle.RoundCap))
+        every = np.concatenate([np.zeros((0, 2)), *corners])
+        scale = np.array([box.width() / self._size[0], box.height() / self._size[1]])
+        draw_points(painter, np.array([box.left(), box.top()]) + every * scale)
+
+
+class ViewList(ValueTable):
+    """One row for each view; Delete takes the chosen ones away.
+
+    Parameters
+    ----------
+    parent : QWidget, optional
+        Parent widget.
+    """
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setFixedHeight(_LIST_HEIGHT)
+        self._views: tuple[CollectedView, ...] = ()
+
+    def show_views(self, views: Sequence[CollectedView], fits: Mapping[str, Fit]) -> None:
+        """Show views, with how they fit where that is known.
+
+        Parameters
+        ----------
+        views : sequence of CollectedView
+            The views.
+        fits : mapping of str to Fit
+            How well views fit, by their names, where that is known.
+        """
+        views = tuple(views)
+        if views != self._views:
+            self._views = views
+            self.show_names([view.name for view in views])
+        for row, view in enumerate(views):
+            left, right, is_used = fits.get(view.name, (math.nan, math.nan, None))
+            used = "" if is_used is None else self.tr("yes") if is_used else self.tr("no")
+            self.show_row(row, (self._cell(view.left, left), self._cell(view.right, right), used))
+        if views:
+            self.scrollToBottom()
+
+    @property
+    def selected_views(self) -> list[CollectedView]:
+        """The chosen views."""
+        rows = sorted({index.row() for index in self.selectedIndexes()})
+        return [self._views[row] for row in rows if row < len(self._views)]
+
+    def _cell(self, side: BoardView | None, rms: float) -> str:
+        if side is None:
+            return self.tr("no board")
+        return self.tr("board") if math.isnan(rms) else f"{rms:.2f}"
+
+
+class VerdictLabel(QLabel):
+    """The verdict on a calibration, or why there is none.
+
+    Parameters
+    ----------
+    parent : QWidget, optional
+        Parent widget.
+    """
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        wrap(self, self.tr("Verdict on the calibration"))
+        self.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+
+    def show_verdict(self, verdict: Verdict) -> None:
+        """Show a verdict."""
+        role = PROBLEM_ROLE if verdict.grade == REPEAT else QPalette.ColorRole.WindowText
+        self.setForegroundRole(role)
+        self.setText("\n".join(verdict.sentences))
+
+    def show_problem(self, sentence: str) -> None:
+        """Show why there is no calibration."""
+        self.setForegroundRole(PROBLEM_ROLE)
+        self.setText(sentence)
+
+
+class CameraTable(ValueTable):
+    """The numbers of both cameras; hidden while there are none.
+
+    Parameters
+    ----------
+    parent : QWidget, optional
+        Parent widget.
+    """
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setFixedHeight(_TABLE_HEIGHT)
+        self.hide()
+
+    def show_calibration(self, found: StereoCalibration) -> None:
+        """Show what was found."""
+        from skelgen.capture.calibration.table import camera_rows  # noqa: PLC0415 - only where there is a result
+
+        self.show_rows(camera_rows(found))
+        self.show()
+
 
 _MOST_ROWS = 9
 _JOINT_ROWS = 3  # its name, and its place in both targets
 
-_GAP = 6.0  # px, between the pictures
 _STEP = 30.0  # degrees, between the rings
 _LEAST_RINGS = 2
-_SHARE = 0.55  # height of a picture as part of its width
-_DOT = 3.0  # px
+_FLATNESS = 0.55  # height of a picture as part of its width
+_ATTITUDE = 3.0  # px
 
 
 class RowTable(ValueTable):
@@ -131,7 +319,7 @@ class TurnView(QWidget):
 
     def heightForWidth(self, width: int) -> int:
         """Return the height that both pictures beside each other need."""
-        return round((width - _GAP) / 2 * _SHARE)
+        return round((width - _GAP) / 2 * _FLATNESS)
 
     def paintEvent(self, event: QPaintEvent) -> None:
         """Paint both pictures."""
@@ -149,7 +337,7 @@ class TurnView(QWidget):
                 scale = box.width() / 2 / (n_rings * _STEP)
                 self._paint_rings(painter, box, n_rings, scale)
                 colour = COVERED[is_dark(self.palette())]
-                painter.setPen(QPen(colour, _DOT, Qt.PenStyle.SolidLine, Qt.PenCapStyle.RoundCap))
+                painter.setPen(QPen(colour, _ATTITUDE, Qt.PenStyle.SolidLine, Qt.PenCapStyle.RoundCap))
                 middle = np.array([box.center().x(), box.center().y()])
                 draw_points(painter, middle + scale * turns[:, [0, side + 1]] * [1.0, -1.0])
                 painter.setPen(self.palette().color(QPalette.ColorRole.Text))

@@ -14,8 +14,8 @@ from skelgen.capture.calibration.verdict import Verdict
 from skelgen.errors import Cancelled, SkelgenError
 from skelgen.model.rig import AnySettings
 from skelgen.progress import Monitor
-from skelgen_gui.capture.camera_views import VerdictLabel
 from skelgen_gui.capture.forms import SourceForm
+from skelgen_gui.capture.measured import VerdictLabel
 from skelgen_gui.project.jobs import Jobs
 from skelgen_gui.widgets.layouts import bare_column, describe, scrolled, wrap
 

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QColor
-from skelgen_gui.capture.camera_views import COVERED, CoverageView
 from skelgen_gui.capture.forms import JointForm, LiveChoice
-from skelgen_gui.capture.measured import MotionTable, TurnView
+from skelgen_gui.capture.measured import COVERED, CoverageView, MotionTable, TurnView
 from skelgen_gui.capture.target_steps import RequestList
 from skelgen_gui.widgets.painting import is_dark, theme_palette
 
