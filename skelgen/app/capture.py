@@ -30,7 +30,7 @@ from skelgen.progress import SILENT, Monitor, with_progress
 
 if TYPE_CHECKING:
     from skelgen.capture.room.live import RoomCapture, RoomCaptured
-    from skelgen.capture.room.values import RoomSource
+    from skelgen.capture.room.points import RoomSource
 
 
 def read_capture_settings(path: Path) -> CaptureSettings:

@@ -16,7 +16,7 @@ from skelgen.progress import SILENT, Monitor
 if TYPE_CHECKING:
     from skelgen.capture.room.boards import AnyBoard
     from skelgen.capture.room.calibrate import WandCalibration
-    from skelgen.capture.room.values import RoomSource
+    from skelgen.capture.room.points import RoomSource
 
 NOTICE_EVERY = 10.0
 """s between two sentences on what a wand has covered."""

@@ -9,7 +9,7 @@ from itertools import zip_longest
 from pathlib import Path
 from typing import Self
 
-from skelgen.capture.room.values import FrameSet, RoomSource
+from skelgen.capture.room.points import FrameSet, RoomSource
 from skelgen.capture.sources.options import CameraOptions, FireWireOptions, GenicamOptions, SourceText
 from skelgen.capture.sources.pairs import LiveCamera, LiveCameras, Opener, Shot, shared_rate, with_rate
 from skelgen.errors import CaptureError
@@ -124,7 +124,7 @@ def open_gentl_sets(text: SourceText) -> LiveSets:
 
 def open_firewire_sets(text: SourceText) -> LiveSets:
     """Return cameras on an IEEE 1394 bus; they are opened when the source is entered."""
-    from skelgen.capture.sources.firewire.bus import guid_of, open_firewire  # noqa: PLC0415
+    from skelgen.capture.sources.firewire import guid_of, open_firewire  # noqa: PLC0415
 
     options = FireWireOptions.from_mapping(text.options, str(text))
     names = _named(text, text.places, "firewire:GUID1,GUID2,GUID3")

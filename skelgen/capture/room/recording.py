@@ -11,8 +11,8 @@ import numpy as np
 
 from skelgen.capture.detection import correct_eccentricity, detect_balls
 from skelgen.capture.parameters import DetectionParameters
+from skelgen.capture.room.points import FrameSet, RoomPoints, RoomSource, Views, balls_at
 from skelgen.capture.room.tracks import RoomTracker
-from skelgen.capture.room.values import FrameSet, RoomPoints, RoomSource, Views, balls_at
 from skelgen.capture.room.watch import FitCounter
 from skelgen.capture.values import Balls, Image, n_to_take
 from skelgen.errors import InputError

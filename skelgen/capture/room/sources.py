@@ -21,6 +21,7 @@ from skelgen.capture.room.live_sources import (
     open_gige_sets,
     run_together,
 )
+from skelgen.capture.room.points import FrameSet, RoomSource
 from skelgen.capture.room.simulated import (
     RoomScene,
     board_poses,
@@ -30,9 +31,10 @@ from skelgen.capture.room.simulated import (
     room_rig,
     wand_scene,
 )
-from skelgen.capture.room.values import FrameSet, RoomSource
-from skelgen.capture.simulated_rig import RenderParameters, board_image, render_view
+from skelgen.capture.simulated_rig import render_view
+from skelgen.capture.simulated_rig.board import board_image
 from skelgen.capture.simulated_rig.scene import joints_of, targets_of
+from skelgen.capture.simulated_rig.view import RenderParameters
 from skelgen.capture.sources.images import natural_order
 from skelgen.capture.sources.options import FileOptions, SourceText, VideoOptions, parse_source
 from skelgen.capture.sources.video import OpenVideos

@@ -9,8 +9,8 @@ import numpy as np
 
 from skelgen.capture.calibration.chessboard import PARTS, coverage, uncovered
 from skelgen.capture.room.calibrate import ENOUGH_VIEWS, WandCalibration, calibrate_wand, extent_of
+from skelgen.capture.room.points import Views
 from skelgen.capture.room.start import LEAST_SHARED
-from skelgen.capture.room.values import Views
 from skelgen.capture.room.wand_and_ground import check_wand, find_wand
 from skelgen.errors import InputError
 from skelgen.model.arrays import Floats, Ints, spread_frames

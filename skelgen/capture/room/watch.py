@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from skelgen.capture.optics import in_image, project
-from skelgen.capture.room.values import RoomPoints, Views
+from skelgen.capture.room.points import RoomPoints, Views
 from skelgen.capture.room.wand_and_ground import FEWEST_CAMERAS
 from skelgen.model.arrays import Bools, Floats
 from skelgen.model.rig import Camera, CameraRig

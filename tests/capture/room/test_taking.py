@@ -7,9 +7,9 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
+from skelgen.capture.room.points import balls_at
 from skelgen.capture.room.simulated import WAND, room_rig, wand_scene
 from skelgen.capture.room.taking import WandTaking
-from skelgen.capture.room.values import balls_at
 from skelgen.errors import InputError
 from tests.benchmarks.unrendered import views_of_scene
 
