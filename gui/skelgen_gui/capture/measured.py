@@ -202,7 +202,7 @@ class CameraTable(ValueTable):
 
     def show_calibration(self, found: StereoCalibration) -> None:
         """Show what was found."""
-        from skelgen.capture.calibration.table import camera_rows  # noqa: PLC0415 - only where there is a result
+        from skelgen.capture.calibration.stereo import camera_rows  # noqa: PLC0415 - only where there is a result
 
         self.show_rows(camera_rows(found))
         self.show()
@@ -238,7 +238,7 @@ class BallTable(RowTable):
 
     def show_calibration(self, done: BodyCalibration) -> None:
         """Show what was found."""
-        from skelgen.capture.calibration.table import ball_rows  # noqa: PLC0415 - only where there is a result
+        from skelgen.capture.calibration.body import ball_rows  # noqa: PLC0415 - only where there is a result
 
         self.show_rows([[str(value) for value in row.values()] for row in ball_rows(done.target)])
 
@@ -248,7 +248,7 @@ class JointTable(RowTable):
 
     def show_calibration(self, done: JointCalibration) -> None:
         """Show what was found."""
-        from skelgen.capture.calibration.table import place_texts  # noqa: PLC0415
+        from skelgen.capture.calibration.joints import place_texts  # noqa: PLC0415
 
         rows: list[list[str]] = []
         self.clearSpans()

@@ -23,13 +23,16 @@ from skelgen.progress import SILENT, Monitor, frames_between
 from skelgen.stages.repair.exchange_evidence import (
     Cycle,
     Evidence,
+    RigidModel,
     best_spans,
     find_evidence,
     jumping_cycles,
+    limb_pairs,
     misfits,
     neighbours_of,
+    rigid_model,
+    robust_limbs,
 )
-from skelgen.stages.repair.limb_distances import RigidModel, limb_pairs, rigid_model, robust_limbs
 
 MOST_ROUNDS = 12
 """Each round undoes all exchanges that do not touch each other; a take needs two or three."""
