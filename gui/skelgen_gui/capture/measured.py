@@ -39,7 +39,45 @@ _LIST_HEIGHT = 130  # px: five views
 _TABLE_HEIGHT = 290  # px, of the table: all its rows
 
 
-class CoverageView(QWidget):
+class _PicturePair(QWidget):
+    """Two pictures beside each other, as wide as there is room."""
+
+    flatness = 0.75
+    """Height of a picture as part of its width."""
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        put_texts(self)
+        policy = QSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Preferred)
+        policy.setHeightForWidth(True)
+        self.setSizePolicy(policy)
+
+    def sizeHint(self) -> QSize:
+        """Return a comfortable size."""
+        return QSize(340, self.heightForWidth(340))
+
+    def heightForWidth(self, width: int) -> int:
+        """Return the height that both pictures side by side need."""
+        return round((width - _GAP) / 2 * self.flatness)
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        """Paint both pictures."""
+        width = (self.width() - _GAP) / 2
+        with QPainter(self) as painter:
+            painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+            for side in (0, 1):
+                box = QRectF(side * (width + _GAP), 0, width, self.height())
+                title = self.paint_picture(painter, box, side)
+                painter.setPen(self.palette().color(QPalette.ColorRole.Text))
+                flags = Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignTop
+                painter.drawText(box.adjusted(6, 3, -6, -3), flags, title)
+
+    def paint_picture(self, painter: QPainter, box: QRectF, side: int) -> str:
+        """Paint the left picture, 0, or the right one, 1; return its title."""
+        raise NotImplementedError
+
+
+class CoverageView(_PicturePair):
     """Both images, small; the ninths where the board has been are coloured.
 
     Parameters
@@ -52,16 +90,13 @@ class CoverageView(QWidget):
         super().__init__(parent)
         self._size = (640, 480)
         self._corners = self._marked = sides(())
-        put_texts(self)
-        policy = QSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Preferred)
-        policy.setHeightForWidth(True)
-        self.setSizePolicy(policy)
 
     def show_views(self, views: Sequence[CollectedView]) -> None:
         """Show what views cover."""
         self._corners = sides(views)
         if views:
             self._size = views[0].size
+            self.flatness = self._size[1] / self._size[0]
         self.update()
 
     def mark_views(self, views: Sequence[CollectedView]) -> None:
@@ -69,29 +104,12 @@ class CoverageView(QWidget):
         self._marked = sides(views)
         self.update()
 
-    def sizeHint(self) -> QSize:
-        """Return a comfortable size."""
-        return QSize(340, self.heightForWidth(340))
-
-    def heightForWidth(self, width: int) -> int:
-        """Return the height that both images side by side need."""
-        return round((width - _GAP) / 2 * self._size[1] / self._size[0])
-
-    def paintEvent(self, event: QPaintEvent) -> None:
-        """Paint both images."""
-        with QPainter(self) as painter:
-            painter.setRenderHint(QPainter.RenderHint.Antialiasing)
-            width = (self.width() - _GAP) / 2
-            for side, title in enumerate((self.tr("left"), self.tr("right"))):
-                box = QRectF(side * (width + _GAP), 0, width, self.height())
-                self._paint_parts(painter, box, self._corners[side])
-                self._paint_corners(painter, box, self._corners[side], COVERED[is_dark(self.palette())])
-                self._paint_corners(
-                    painter, box, self._marked[side], self.palette().color(QPalette.ColorRole.Highlight)
-                )
-                painter.setPen(self.palette().color(QPalette.ColorRole.Text))
-                flags = Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignTop
-                painter.drawText(box.adjusted(6, 3, -6, -3), flags, title)
+    def paint_picture(self, painter: QPainter, box: QRectF, side: int) -> str:
+        """Paint an image with its parts and corners."""
+        self._paint_parts(painter, box, self._corners[side])
+        self._paint_corners(painter, box, self._corners[side], COVERED[is_dark(self.palette())])
+        self._paint_corners(painter, box, self._marked[side], self.palette().color(QPalette.ColorRole.Highlight))
+        return self.tr("right") if side else self.tr("left")
 
     def _paint_parts(self, painter: QPainter, box: QRectF, corners: list[Floats]) -> None:
         """Ninths, those that are covered in colour."""
@@ -213,7 +231,6 @@ _JOINT_ROWS = 3  # its name, and its place in both targets
 
 _STEP = 30.0  # degrees, between the rings
 _LEAST_RINGS = 2
-_FLATNESS = 0.55  # height of a picture as part of its width
 _ATTITUDE = 3.0  # px
 
 
@@ -291,7 +308,7 @@ class MotionTable(RowTable):
             self.show_row(row, texts)
 
 
-class TurnView(QWidget):
+class TurnView(_PicturePair):
     """Attitudes of one target in another as dots: to the right turned about the main axis, upwards about the others.
 
     Parameters
@@ -300,51 +317,31 @@ class TurnView(QWidget):
         Parent widget.
     """
 
+    flatness = 0.55
+
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._motion: JointMotion | None = None
-        put_texts(self)
-        policy = QSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Preferred)
-        policy.setHeightForWidth(True)
-        self.setSizePolicy(policy)
 
     def show_motion(self, motion: JointMotion | None) -> None:
         """Show another motion, or none."""
         self._motion = motion
         self.update()
 
-    def sizeHint(self) -> QSize:
-        """Return a comfortable size."""
-        return QSize(340, self.heightForWidth(340))
-
-    def heightForWidth(self, width: int) -> int:
-        """Return the height that both pictures beside each other need."""
-        return round((width - _GAP) / 2 * _FLATNESS)
-
-    def paintEvent(self, event: QPaintEvent) -> None:
-        """Paint both pictures."""
+    def paint_picture(self, painter: QPainter, box: QRectF, side: int) -> str:
+        """Paint rings, and the attitudes as dots."""
         turns = np.zeros((0, 3)) if self._motion is None else self._motion.turns
         most = float(np.abs(turns).max()) if len(turns) else 0.0
         n_rings = max(_LEAST_RINGS, int(np.ceil(most / _STEP)))
         spans = (0.0, 0.0, 0.0) if self._motion is None else self._motion.spans
-        width = (self.width() - _GAP) / 2
-        with QPainter(self) as painter:
-            painter.setRenderHint(QPainter.RenderHint.Antialiasing)
-            for side in (0, 1):
-                box = QRectF(side * (width + _GAP), 0, width, self.height())
-                painter.save()
-                painter.setClipRect(box)
-                scale = box.width() / 2 / (n_rings * _STEP)
-                self._paint_rings(painter, box, n_rings, scale)
-                colour = COVERED[is_dark(self.palette())]
-                painter.setPen(QPen(colour, _ATTITUDE, Qt.PenStyle.SolidLine, Qt.PenCapStyle.RoundCap))
-                middle = np.array([box.center().x(), box.center().y()])
-                draw_points(painter, middle + scale * turns[:, [0, side + 1]] * [1.0, -1.0])
-                painter.setPen(self.palette().color(QPalette.ColorRole.Text))
-                flags = Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignTop
-                text = self.tr("{0:.0f}° × {1:.0f}°").format(spans[0], spans[side + 1])
-                painter.drawText(box.adjusted(6, 3, -6, -3), flags, text)
-                painter.restore()
+        painter.setClipRect(box)
+        scale = box.width() / 2 / (n_rings * _STEP)
+        self._paint_rings(painter, box, n_rings, scale)
+        colour = COVERED[is_dark(self.palette())]
+        painter.setPen(QPen(colour, _ATTITUDE, Qt.PenStyle.SolidLine, Qt.PenCapStyle.RoundCap))
+        middle = np.array([box.center().x(), box.center().y()])
+        draw_points(painter, middle + scale * turns[:, [0, side + 1]] * [1.0, -1.0])
+        return self.tr("{0:.0f}° × {1:.0f}°").format(spans[0], spans[side + 1])
 
     def _paint_rings(self, painter: QPainter, box: QRectF, n_rings: int, scale: float) -> None:
         """A ground with rings and axes."""

@@ -23,7 +23,7 @@ from PySide6.QtWidgets import QWidget
 from skelgen.app.drawing.measures import DeviationMatrix, find_deviation_matrix
 from skelgen.app.drawing.scales import ramp_rgba
 from skelgen.app.drawing.wording import plain
-from skelgen_gui.model.matrix import Box, PlacedRegion, Region, cell_sentence
+from skelgen_gui.model.matrix import PlacedRegion, Region, cell_sentence
 from skelgen_gui.model.selection import Selection
 from skelgen_gui.project.session import Session
 from skelgen_gui.widgets.layouts import put_texts
@@ -56,7 +56,7 @@ def place_matrix(region: Region, n: int, width: float, height: float) -> PlacedR
     placed = []
     for left in (_NAMES + _STRIP + _SPACE, _STRIP + 2 * _SPACE):
         side = max(min(width - left - _RIGHT, height - _TOP - _FOOT), 1.0)
-        placed.append(PlacedRegion(region, Box(left, _TOP, side, side), n))
+        placed.append(PlacedRegion(region, left, _TOP, side, n))
     return placed[0] if placed[0].cell >= _LEAST_NAMED else placed[1]
 
 
@@ -77,7 +77,7 @@ class MatrixPainting:
 
     def __init__(self, painter: QPainter, matrix: DeviationMatrix, placed: PlacedRegion, palette: QPalette) -> None:
         self._painter, self._matrix, self._placed, self._palette = painter, matrix, placed, palette
-        self._square = QRectF(*placed.square)
+        self._square = QRectF(placed.left, placed.top, placed.side, placed.side)
         self._metrics = QFontMetricsF(painter.font())
 
     def cells(self, image: QImage) -> None:
@@ -250,7 +250,7 @@ class MatrixView(QWidget):
         row, column : int
             The cell.
         """
-        return QPointF(*self._placed.block((row, row + 1), (column, column + 1)).middle)
+        return QRectF(*self._placed.block((row, row + 1), (column, column + 1))).center()
 
     def tip_at(self, place: QPointF) -> str:
         """Describe a place: the pair of markers, and how much its distance varies."""
