@@ -26,7 +26,7 @@ from skelgen_gui.model.lanes import lane_picture, lane_sentence
 from skelgen_gui.model.selection import NO_MARKERS, Selection
 from skelgen_gui.project.deriving import Deriver
 from skelgen_gui.project.session import Session
-from skelgen_gui.timeline.span import GUTTER, MARGIN, VisibleSpan, plot_width, zoom_or_pan, zoomed_by_key
+from skelgen_gui.timeline.span import GUTTER, MARGIN, SpanView, VisibleSpan
 from skelgen_gui.widgets.layouts import put_texts
 from skelgen_gui.widgets.painting import (
     blended,
@@ -51,7 +51,7 @@ _GAP = 18.0
 _LEAST = 6.0  # px from the left border
 
 
-class LaneView(QWidget):
+class LaneView(SpanView):
     """A lane for each marker.
 
     Click or drag goes to a frame, a click on a name selects the marker, the wheel zooms.
@@ -65,8 +65,7 @@ class LaneView(QWidget):
     """
 
     def __init__(self, session: Session, span: VisibleSpan, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
-        self._session, self._span = session, span
+        super().__init__(session, span, parent)
         self._lanes: Lanes | None = None
         self._lanes_of: Project | None = None
         self._picture: tuple[tuple[object, ...], QPixmap] | None = None
@@ -78,8 +77,7 @@ class LaneView(QWidget):
         put_texts(self)
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
         self.setMouseTracking(True)
-        for signal in (session.frame_changed, session.selection_changed, span.changed):
-            signal.connect(self.update)
+        session.selection_changed.connect(self.update)
         session.project_changed.connect(self._follow_project)
         session.selection_changed.connect(self._show_selected)
         self._follow_project()
@@ -105,7 +103,7 @@ class LaneView(QWidget):
         lane, frame : int
             Which lane, and which frame of it.
         """
-        return QPointF(self._x(frame), _LANE * (lane + 0.5) - self._bar.value())
+        return QPointF(self._x_of(frame + 0.5), _LANE * (lane + 0.5) - self._bar.value())
 
     def event(self, event: QEvent) -> bool:
         """Describe what lies under the pointer."""
@@ -148,13 +146,13 @@ class LaneView(QWidget):
         if event.position().x() < GUTTER:
             self._bar.event(event)
         else:
-            zoom_or_pan(event, self._span, plot_width(self.width()))
+            super().wheelEvent(event)
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
         """Select the marker above or below; zoom."""
         if event.key() in {Qt.Key.Key_Up, Qt.Key.Key_Down} and self._n_lanes:
             self._select_beside(-1 if event.key() == Qt.Key.Key_Up else 1)
-        elif not zoomed_by_key(event, self._span, self._session.frame):
+        else:
             super().keyPressEvent(event)
 
     def resizeEvent(self, event: QResizeEvent) -> None:
@@ -173,9 +171,9 @@ class LaneView(QWidget):
                 self._paint_names(painter, self._lanes, shown, self._lanes_of)
             else:
                 self._paint_nothing(painter)
-            if self._session.n_frames and GUTTER <= self._x(self._session.frame) <= self.width() - MARGIN:
+            if self._session.n_frames and GUTTER <= self._x_of(self._session.frame + 0.5) <= self.width() - MARGIN:
                 painter.setPen(QPen(cursor_colour(self.palette()), 1.0))
-                x = round(self._x(self._session.frame))
+                x = round(self._x_of(self._session.frame + 0.5))
                 painter.drawLine(x, 0, x, self.height())
 
     def _follow_project(self) -> None:
@@ -228,12 +226,6 @@ class LaneView(QWidget):
     def _n_lanes(self) -> int:
         return 0 if self._lanes is None else self._lanes.n_lanes
 
-    def _x(self, frame: int) -> float:
-        return self._span.place(frame + 0.5, GUTTER, plot_width(self.width()))
-
-    def _frame_at(self, x: float) -> int:
-        return self._span.frame_at(x, GUTTER, plot_width(self.width()))
-
     def _lane_at(self, y: float) -> int | None:
         lane = int((y + self._bar.value()) // _LANE)
         return lane if 0 <= lane < self._n_lanes else None
@@ -251,7 +243,7 @@ class LaneView(QWidget):
 
     def _bars(self, lanes: Lanes, shown: Ints) -> QPixmap:
         """The bars of some lanes: kept, since while the take plays only the cursor moves."""
-        ratio, width = self.devicePixelRatioF(), plot_width(self.width())
+        ratio, width = self.devicePixelRatioF(), self._plot_width
         key = (self._span.first, self._span.end, width, ratio, int(shown[0]), len(shown), self.palette().cacheKey())
         if self._picture is None or self._picture[0] != key:
             columns = max(round(width * ratio), 1)

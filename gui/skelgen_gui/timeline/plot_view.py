@@ -13,14 +13,12 @@ from PySide6.QtGui import (
     QColor,
     QFont,
     QFontMetricsF,
-    QKeyEvent,
     QMouseEvent,
     QPainter,
     QPaintEvent,
     QPalette,
     QPen,
     QPixmap,
-    QWheelEvent,
 )
 from PySide6.QtWidgets import QWidget
 
@@ -31,7 +29,7 @@ from skelgen.model.arrays import Floats
 from skelgen_gui.model.curves import Curve, Panel, joint_panels, residual_curve, residual_panel
 from skelgen_gui.project.deriving import Deriver
 from skelgen_gui.project.session import Session
-from skelgen_gui.timeline.span import GUTTER, MARGIN, VisibleSpan, plot_width, zoom_or_pan, zoomed_by_key
+from skelgen_gui.timeline.span import GUTTER, MARGIN, SpanView, VisibleSpan
 from skelgen_gui.widgets.layouts import put_texts
 from skelgen_gui.widgets.painting import (
     blended,
@@ -47,7 +45,7 @@ from skelgen_gui.widgets.painting import (
 _GAP = 6.0  # px between panels
 
 
-class PlotView(QWidget):
+class PlotView(SpanView):
     """Shows panels; click or drag goes to a frame, the wheel zooms.
 
     Parameters
@@ -59,15 +57,12 @@ class PlotView(QWidget):
     """
 
     def __init__(self, session: Session, span: VisibleSpan, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
-        self._session, self._span = session, span
+        super().__init__(session, span, parent)
         self._panels: tuple[Panel, ...] = ()
         self._hint = ""
         self._picture: tuple[tuple[object, ...], QPixmap] | None = None
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
         session.take_changed.connect(self._follow_take)
-        for signal in (session.frame_changed, span.changed):
-            signal.connect(self.update)
 
     @property
     def panels(self) -> tuple[Panel, ...]:
@@ -100,7 +95,7 @@ class PlotView(QWidget):
         """Return where a panel's curves lie."""
         count = len(self._panels) + (1 if self._hint and self._panels else 0)
         height = (self.height() + _GAP) / max(count, 1) - _GAP
-        return QRectF(GUTTER, index * (height + _GAP), plot_width(self.width()), height)
+        return QRectF(GUTTER, index * (height + _GAP), self._plot_width, height)
 
     def event(self, event: QEvent) -> bool:
         """Describe what lies under the pointer."""
@@ -113,7 +108,7 @@ class PlotView(QWidget):
         panel = next((panel for panel, room in panels if room.top() <= y <= room.bottom()), None)
         if panel is None or place.x() < GUTTER:
             return self.toolTip() if panel is None else "\n".join(filter(None, (panel.title, panel.note, panel.about)))
-        frame = self._span.frame_at(place.x(), GUTTER, plot_width(self.width()))
+        frame = self._frame_at(place.x())
         values = [f"{curve.name}: {digits(float(curve.line.low[frame]))} {panel.unit}" for curve in panel.curves]
         return "\n".join([f"{panel.title}, " + self.tr("frame {}").format(frame), *values])
 
@@ -127,15 +122,6 @@ class PlotView(QWidget):
         if event.buttons() & Qt.MouseButton.LeftButton:
             self._go_to(event.position().x())
 
-    def wheelEvent(self, event: QWheelEvent) -> None:
-        """Zoom or pan."""
-        zoom_or_pan(event, self._span, plot_width(self.width()))
-
-    def keyPressEvent(self, event: QKeyEvent) -> None:
-        """Zoom."""
-        if not zoomed_by_key(event, self._span, self._session.frame):
-            super().keyPressEvent(event)
-
     def paintEvent(self, event: QPaintEvent) -> None:
         """Paint the curves that are kept, legends and cursor."""
         with QPainter(self) as painter:
@@ -143,7 +129,7 @@ class PlotView(QWidget):
             frame = self._session.frame
             for index, panel in enumerate(self._panels):
                 paint_legend(painter, panel, frame, self.panel_rect(index), self.palette())
-            x = round(self._span.place(frame + 0.5, GUTTER, plot_width(self.width())))
+            x = round(self._x_of(frame + 0.5))
             if self._panels and GUTTER <= x <= self.width() - MARGIN:
                 painter.setPen(QPen(cursor_colour(self.palette()), 1.0))
                 painter.drawLine(x, 0, x, round(self.panel_rect(len(self._panels) - 1).bottom()))
@@ -156,7 +142,7 @@ class PlotView(QWidget):
         self.show_panels(())
 
     def _go_to(self, x: float) -> None:
-        self._session.show_frame(self._span.frame_at(x, GUTTER, plot_width(self.width())))
+        self._session.show_frame(self._frame_at(x))
 
     def _curves(self) -> QPixmap:
         """The panels without legend and cursor: kept, since while the take plays only these change."""

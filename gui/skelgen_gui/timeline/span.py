@@ -4,6 +4,7 @@ import math
 
 from PySide6.QtCore import QObject, Qt, Signal
 from PySide6.QtGui import QKeyEvent, QWheelEvent
+from PySide6.QtWidgets import QWidget
 
 from skelgen_gui.project.session import Session
 from skelgen_gui.widgets.painting import ZOOM, notches
@@ -92,31 +93,6 @@ class VisibleSpan(QObject):
         """Show what lies some frames later, or earlier if negative."""
         self.show(self._first + frames, self._end + frames)
 
-    def place(self, frame: float, left: float, width: float) -> float:
-        """Return where a frame begins in a picture [px]; half a frame more is its middle.
-
-        Parameters
-        ----------
-        frame : float
-            The frame.
-        left, width : float, px
-            Where the picture begins, and how wide it is.
-        """
-        return left + (frame - self._first) * width / (self._end - self._first)
-
-    def frame_at(self, x: float, left: float, width: float) -> int:
-        """Return the frame at a place of a picture [px]; beyond its ends the first or last of the take.
-
-        Parameters
-        ----------
-        x : float, px
-            The place.
-        left, width : float, px
-            Where the picture begins, and how wide it is.
-        """
-        frame = math.floor(self._first + (x - left) * (self._end - self._first) / max(width, 1.0))
-        return min(max(frame, 0), self._n_frames - 1)
-
     @property
     def _n_frames(self) -> int:
         return max(self._session.n_frames, 1)
@@ -129,11 +105,6 @@ class VisibleSpan(QObject):
         if not self._first <= frame < self._end:
             length = self._end - self._first
             self.show(frame - _LEAD * length, frame + (1 - _LEAD) * length)
-
-
-def plot_width(width: float) -> float:
-    """Return how wide the part that shows frames is in a widget of some width [px]."""
-    return max(width - GUTTER - MARGIN, 1.0)
 
 
 def ruler_step(span: VisibleSpan, rate: float, width: float) -> float:
@@ -179,51 +150,62 @@ def clock(seconds: float, step: float) -> str:
     return shown + (f".{rest:0{decimals}d}" if decimals else "")
 
 
-def zoom_or_pan(event: QWheelEvent, span: VisibleSpan, width: float) -> None:
-    """Zoom about the pointer; pan with Shift, Alt or a sideways wheel.
+class SpanView(QWidget):
+    """Shows the frames in sight between a gutter and a margin; the wheel zooms and pans, Ctrl with +, - and 0 zooms.
 
     Parameters
     ----------
-    event : QWheelEvent
-        Is accepted.
+    session : Session
+        The take and the frame that is shown.
     span : VisibleSpan
-        What is in sight.
-    width : float, px
-        Of the part of the picture that shows frames.
+        The frames in sight.
+    parent : QWidget, optional
+        Qt's parent.
     """
-    across, away = notches(event)
-    length = span.end - span.first
-    if across:
-        span.pan(-across * _PAN * length)
-    elif event.modifiers() & Qt.KeyboardModifier.ShiftModifier:
-        span.pan(-away * _PAN * length)
-    else:
-        about = span.first + (event.position().x() - GUTTER) * length / width
-        span.zoom(ZOOM**away, min(max(about, span.first), span.end))
-    event.accept()
 
+    def __init__(self, session: Session, span: VisibleSpan, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._session, self._span = session, span
+        for signal in (session.frame_changed, span.changed):
+            signal.connect(self.update)
 
-def zoomed_by_key(event: QKeyEvent, span: VisibleSpan, frame: int) -> bool:
-    """Zoom about the shown frame with Ctrl and plus or minus, show all with Ctrl+0; return whether it was one of these.
+    @property
+    def _plot_width(self) -> float:
+        """How wide the part is that shows frames [px]."""
+        return max(float(self.width() - GUTTER - MARGIN), 1.0)
 
-    Parameters
-    ----------
-    event : QKeyEvent
-        The key.
-    span : VisibleSpan
-        What is in sight.
-    frame : int
-        The frame that is shown.
-    """
-    if not event.modifiers() & Qt.KeyboardModifier.ControlModifier:
-        return False
-    key = event.key()
-    if key in {Qt.Key.Key_Plus, Qt.Key.Key_Equal}:
-        span.zoom(ZOOM**2, frame + 0.5)
-    elif key == Qt.Key.Key_Minus:
-        span.zoom(ZOOM**-2, frame + 0.5)
-    elif key == Qt.Key.Key_0:
-        span.show_all()
-    else:
-        return False
-    return True
+    def _x_of(self, frame: float) -> float:
+        """Where a frame begins [px]; half a frame more is its middle."""
+        return GUTTER + (frame - self._span.first) * self._plot_width / (self._span.end - self._span.first)
+
+    def _frame_at(self, x: float) -> int:
+        """The frame at a place [px]; beyond the ends the first or last of the take."""
+        frame = math.floor(self._span.first + (x - GUTTER) * (self._span.end - self._span.first) / self._plot_width)
+        return min(max(frame, 0), max(self._session.n_frames, 1) - 1)
+
+    def wheelEvent(self, event: QWheelEvent) -> None:
+        """Zoom about the pointer; pan with Shift, Alt or a sideways wheel."""
+        across, away = notches(event)
+        span, length = self._span, self._span.end - self._span.first
+        if across:
+            span.pan(-across * _PAN * length)
+        elif event.modifiers() & Qt.KeyboardModifier.ShiftModifier:
+            span.pan(-away * _PAN * length)
+        else:
+            about = span.first + (event.position().x() - GUTTER) * length / self._plot_width
+            span.zoom(ZOOM**away, min(max(about, span.first), span.end))
+        event.accept()
+
+    def keyPressEvent(self, event: QKeyEvent) -> None:
+        """Zoom about the shown frame."""
+        key, middle = event.key(), self._session.frame + 0.5
+        if not event.modifiers() & Qt.KeyboardModifier.ControlModifier:
+            super().keyPressEvent(event)
+        elif key in {Qt.Key.Key_Plus, Qt.Key.Key_Equal}:
+            self._span.zoom(ZOOM**2, middle)
+        elif key == Qt.Key.Key_Minus:
+            self._span.zoom(ZOOM**-2, middle)
+        elif key == Qt.Key.Key_0:
+            self._span.show_all()
+        else:
+            super().keyPressEvent(event)

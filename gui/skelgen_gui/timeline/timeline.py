@@ -22,7 +22,6 @@ from PySide6.QtGui import (
     QPaintEvent,
     QPalette,
     QPolygonF,
-    QWheelEvent,
 )
 from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QSizePolicy, QSpinBox, QToolButton, QWidget
 
@@ -33,7 +32,7 @@ from skelgen_gui.project.session import Session
 from skelgen_gui.timeline.lane_view import LaneView, Legend
 from skelgen_gui.timeline.player import SPEEDS, PlayCommands, Player
 from skelgen_gui.timeline.plot_view import PlotView
-from skelgen_gui.timeline.span import GUTTER, VisibleSpan, clock, plot_width, ruler_step, zoom_or_pan
+from skelgen_gui.timeline.span import GUTTER, SpanView, VisibleSpan, clock, ruler_step
 from skelgen_gui.widgets.layouts import bare_column, put_texts
 from skelgen_gui.widgets.painting import blended, cursor_colour, drawn_pixmap
 from skelgen_gui.widgets.shortcuts import make_actions
@@ -264,7 +263,7 @@ _MINOR = 5  # parts between two labels
 _Role = QPalette.ColorRole
 
 
-class Ruler(QWidget):
+class Ruler(SpanView):
     """Shows times; click or drag goes to a frame, the two handles set the range.
 
     Parameters
@@ -278,13 +277,13 @@ class Ruler(QWidget):
     """
 
     def __init__(self, session: Session, player: Player, span: VisibleSpan, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
-        self._session, self._player, self._span = session, player, span
+        super().__init__(session, span, parent)
+        self._player = player
         self._grip: int | None = None
         put_texts(self)
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
         self.setMouseTracking(True)
-        for signal in (session.frame_changed, session.project_changed, player.settings_changed, span.changed):
+        for signal in (session.project_changed, player.settings_changed):
             signal.connect(self.update)
 
     def sizeHint(self) -> QSize:
@@ -315,12 +314,8 @@ class Ruler(QWidget):
             on_grip = self._grip_at(event.position().x()) is not None
             self.setCursor(Qt.CursorShape.SplitHCursor if on_grip else Qt.CursorShape.ArrowCursor)
 
-    def wheelEvent(self, event: QWheelEvent) -> None:
-        """Zoom, or pan with Shift."""
-        zoom_or_pan(event, self._span, plot_width(self.width()))
-
     def _drag(self, x: float) -> None:
-        frame = self._span.frame_at(x, GUTTER, plot_width(self.width()))
+        frame = self._frame_at(x)
         first, last = self._player.range
         if self._grip is None:
             self._session.show_frame(frame)
@@ -337,8 +332,7 @@ class Ruler(QWidget):
 
     def _handles(self) -> tuple[float, float]:
         first, last = self._player.range
-        width = plot_width(self.width())
-        return self._span.place(first, GUTTER, width) - _HANDLE, self._span.place(last + 1, GUTTER, width) + _HANDLE
+        return self._x_of(first) - _HANDLE, self._x_of(last + 1) + _HANDLE
 
     def _paint_range(self, painter: QPainter) -> None:
         left, right = self._handles()
@@ -352,7 +346,7 @@ class Ruler(QWidget):
             painter.drawRoundedRect(QRectF(x - _HANDLE, base - 3, 2 * _HANDLE, 12.0), 2.5, 2.5)
 
     def _paint_ticks(self, painter: QPainter) -> None:
-        rate, width = self._session.rate, plot_width(self.width())
+        rate, width = self._session.rate, self._plot_width
         step = ruler_step(self._span, rate, width)
         text = self.palette().color(_Role.WindowText)
         faint = blended(text, self.palette().color(_Role.Window), 0.4)
@@ -361,7 +355,7 @@ class Ruler(QWidget):
         metrics = QFontMetricsF(self.font())
         for index in range(first, last + 1):
             seconds = index * step / _MINOR
-            x = self._span.place(seconds * rate + 0.5, GUTTER, width)
+            x = self._x_of(seconds * rate + 0.5)
             is_labelled = index % _MINOR == 0
             painter.setPen(faint)
             painter.drawLine(QPointF(x, self.height() - 9), QPointF(x, self.height() - (15 if is_labelled else 12)))
@@ -371,7 +365,7 @@ class Ruler(QWidget):
                 painter.drawText(QPointF(x - metrics.horizontalAdvance(shown) / 2, self.height() - 18), shown)
 
     def _paint_cursor(self, painter: QPainter) -> None:
-        x = self._span.place(self._session.frame + 0.5, GUTTER, plot_width(self.width()))
+        x = self._x_of(self._session.frame + 0.5)
         painter.setPen(Qt.PenStyle.NoPen)
         painter.setBrush(cursor_colour(self.palette()))
         low = float(self.height())
