@@ -17,9 +17,9 @@ from PySide6.QtCore import QObject, QPointF, QRectF, Qt, Signal
 from PySide6.QtGui import QAction, QActionGroup, QWheelEvent
 from PySide6.QtWidgets import QApplication, QHBoxLayout, QMenu, QToolButton, QWidget
 
+from skelgen.files import read_table
 from skelgen_gui.model.view_state import MAGNIFICATIONS, TRAIL_SECONDS, Shown
 from skelgen_gui.model.viewpoint import DOWN, Viewpoint
-from skelgen_gui.widgets.layouts import read_table
 from skelgen_gui.widgets.shortcuts import Command, make_action
 
 _Choice = tuple[str, float | None]  # text and value of something to choose
@@ -57,7 +57,7 @@ class Commands(QObject):
     def __init__(self, shown: Shown, parent: QWidget) -> None:
         super().__init__(parent)
         self._shown = shown
-        table = read_table("view_commands")
+        table = read_table(__file__, "commands")
         made = {
             part: {name: make_action(Command(name, **entry), self) for name, entry in table[part].items()}
             for part in table

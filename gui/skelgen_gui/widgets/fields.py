@@ -27,8 +27,9 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from skelgen.files import read_table
 from skelgen.parameters import Declaration
-from skelgen_gui.widgets.layouts import bare_column, describe, read_table, row_of
+from skelgen_gui.widgets.layouts import bare_column, describe, row_of
 
 _DIGITS = 12  # of a number that was stepped to: hides that 0.1 + 0.2 is not 0.3
 _EXACT = 1e15  # whole numbers below are shown with all their digits
@@ -354,7 +355,9 @@ class FoundOrGiven(QWidget):
 
 def title_of(declaration: Declaration) -> str:
     """Return what a parameter is called in a form."""
-    title = read_table("words")["parameters"].get(declaration.name, declaration.name.replace("_", " ").capitalize())
+    title = read_table(__file__, "words")["parameters"].get(
+        declaration.name, declaration.name.replace("_", " ").capitalize()
+    )
     return QCoreApplication.translate("Parameters", title)
 
 
@@ -368,6 +371,8 @@ def choice_of(declaration: Declaration, choice: str) -> str:
     choice : str
         Its name in files.
     """
-    is_of_stage = declaration.name in read_table("words")["parameters"]  # other forms use some of these words otherwise
-    words = read_table("words")["choices"].get(choice, choice) if is_of_stage else choice
+    is_of_stage = (
+        declaration.name in read_table(__file__, "words")["parameters"]
+    )  # other forms use some of these words otherwise
+    words = read_table(__file__, "words")["choices"].get(choice, choice) if is_of_stage else choice
     return QCoreApplication.translate("Parameters", words)

@@ -1,10 +1,7 @@
 """What every page needs: names, tool tips, rows, scrolled columns, and tables whose rows come from elsewhere."""
 
-import tomllib
 from collections.abc import Iterable, Sequence
-from functools import cache
-from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import Generic, TypeVar
 
 from PySide6.QtCore import QAbstractTableModel, QCoreApplication, QModelIndex, QObject, QPersistentModelIndex, Qt
 from PySide6.QtWidgets import (
@@ -22,13 +19,9 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from skelgen.files import read_table
+
 _BESIDE_BAR = 6  # px, between what is scrolled and the scroll bar
-
-
-@cache
-def read_table(name: str) -> dict[str, Any]:
-    """Return one of the readable tables of words: ``texts``, ``words`` or ``commands``."""
-    return tomllib.loads(Path(__file__).with_name("tables").joinpath(f"{name}.toml").read_text(encoding="utf-8"))
 
 
 # What sets each of the texts of a widget
@@ -44,12 +37,13 @@ _SETTERS = {
 
 def put_texts(widget: QWidget) -> None:
     """Give a widget and its parts the texts of the table ``texts``, where each stands under its class and attribute."""
-    kind = next(kind.__name__ for kind in type(widget).__mro__ if kind.__name__ in read_table("texts"))
-    for part, texts in read_table("texts")[kind].items():
+    every = read_table(__file__, "texts")
+    kind = next(kind.__name__ for kind in type(widget).__mro__ if kind.__name__ in every)
+    for part, texts in every[kind].items():
         owner = widget if part == "self" else getattr(widget, part)
         for what, text in texts.items():
-            every = [QCoreApplication.translate(kind, one) for one in ([text] if isinstance(text, str) else text)]
-            getattr(owner, _SETTERS[what])(every[0] if isinstance(text, str) else every)
+            words = [QCoreApplication.translate(kind, one) for one in ([text] if isinstance(text, str) else text)]
+            getattr(owner, _SETTERS[what])(words[0] if isinstance(text, str) else words)
 
 
 def describe(widget: QWidget, name: str, tip: str = "") -> None:

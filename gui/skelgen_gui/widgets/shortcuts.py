@@ -30,7 +30,8 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from skelgen_gui.widgets.layouts import column, put_texts, read_table
+from skelgen.files import read_table
+from skelgen_gui.widgets.layouts import column, put_texts
 
 _SIZE = (640, 560)  # px, of the dialog
 
@@ -69,7 +70,9 @@ class Command:
     is_checkable: bool = False
 
 
-COMMANDS = tuple(Command(menu=menu, **entry) for menu, entries in read_table("commands").items() for entry in entries)
+COMMANDS = tuple(
+    Command(menu=menu, **entry) for menu, entries in read_table(__file__, "commands").items() for entry in entries
+)
 """All commands, in the order of the menus."""
 
 
