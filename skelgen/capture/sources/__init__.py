@@ -1,26 +1,33 @@
 """Where pairs of images come from: files, cameras on FireWire, GigE Vision and GenTL, and the simulated rig."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
+from typing import Any, Generic, TypeVar
 
 from skelgen.capture.sources.options import (
+    CameraOptions,
     FileOptions,
     FireWireOptions,
     GenicamOptions,
     SimulatedOptions,
     SourceText,
     VideoOptions,
+    check_two_cameras,
     parse_source,
 )
+from skelgen.capture.sources.pairs import LivePairs
 from skelgen.capture.values import FrameSource
 from skelgen.errors import InputError
 from skelgen.parameters import StageParameters
 
+Source = TypeVar("Source")
+
 
 @dataclass(frozen=True)
-class SourceKind:
-    """A row of the table.
+class SourceKind(Generic[Source]):
+    """A row of a table of sources.
 
     Attributes
     ----------
@@ -33,56 +40,43 @@ class SourceKind:
     options : type of StageParameters
         What may stand behind the question mark.
     open : callable
-        Makes the source from its text; cameras are opened when the source is entered.
+        Makes the source from its text and its options; cameras are opened when the source is entered.
     """
 
     name: str
     example: str
     help: str
     options: type[StageParameters]
-    open: Callable[[SourceText], FrameSource]
+    open: Callable[[SourceText, Any], Source]
 
 
-def _open_images(text: SourceText) -> FrameSource:
+def _open_images(text: SourceText, options: FileOptions) -> FrameSource:
     from skelgen.capture.sources import images  # noqa: PLC0415 - each source as it is needed
 
-    options, place = FileOptions.from_mapping(text.options, str(text)), Path(text.place)
+    place = Path(text.place)
     pairs = images.folder_pairs(place, options) if text.kind == "folder" else images.listed_pairs(place)
     return images.ImagePairs(text.place, pairs, options)
 
 
-def _open_video(text: SourceText) -> FrameSource:
+def _open_video(text: SourceText, options: VideoOptions) -> FrameSource:
     from skelgen.capture.sources.video import VideoPairs  # noqa: PLC0415
 
     left, right = text.two_places("video:left.avi,right.avi")
-    return VideoPairs(Path(left), Path(right), VideoOptions.from_mapping(text.options, str(text)))
+    return VideoPairs(Path(left), Path(right), options)
 
 
-def _open_firewire(text: SourceText) -> FrameSource:
-    from skelgen.capture.sources.firewire import firewire_pairs  # noqa: PLC0415
-
-    return firewire_pairs(text.places, FireWireOptions.from_mapping(text.options, str(text)))
-
-
-def _open_gige(text: SourceText) -> FrameSource:
-    from skelgen.capture.sources.gige import gige_pairs  # noqa: PLC0415
-
-    return gige_pairs(text.places, GenicamOptions.from_mapping(text.options, str(text)))
+def _open_live(text: SourceText, options: CameraOptions) -> FrameSource:
+    driver = import_module(f"{__name__}.{text.kind}")
+    check_two_cameras(text.kind, text.cameras, driver.EXAMPLE)
+    return LivePairs(f"{text.kind}:{','.join(text.places)}", driver.opener(text.places, options), options)
 
 
-def _open_gentl(text: SourceText) -> FrameSource:
-    from skelgen.capture.sources.gentl import gentl_pairs  # noqa: PLC0415
-
-    return gentl_pairs(text.places, GenicamOptions.from_mapping(text.options, str(text)))
-
-
-def _open_simulated(text: SourceText) -> FrameSource:
+def _open_simulated(text: SourceText, options: SimulatedOptions) -> FrameSource:
     from skelgen.capture.reference_rig import reference_rig  # noqa: PLC0415
     from skelgen.capture.simulated_rig import SimulatedRig, simulated_rig  # noqa: PLC0415
     from skelgen.capture.simulated_rig.board import SimulatedBoard  # noqa: PLC0415
     from skelgen.capture.simulated_rig.scene import hand_held_target  # noqa: PLC0415
 
-    options = SimulatedOptions.from_mapping(text.options, str(text))
     n_frames, rate, seed, paced = options.frames, options.rate, options.seed, options.paced
     if text.place == "board":
         return SimulatedBoard(n_frames=n_frames, rate=rate, seed=seed, paced=paced)
@@ -93,13 +87,13 @@ def _open_simulated(text: SourceText) -> FrameSource:
     return simulated_rig(text.place or "arm", seed=seed, paced=paced, show=shown, n_frames=n_frames, rate=rate)
 
 
-SOURCES = (
+SOURCES: tuple[SourceKind[FrameSource], ...] = (
     SourceKind("folder", "folder:images", "a folder with left and right images", FileOptions, _open_images),
     SourceKind("list", "list:pairs.txt", "a list of left and right images, with times", FileOptions, _open_images),
     SourceKind("video", "video:left.avi,right.avi", "two video files", VideoOptions, _open_video),
-    SourceKind("firewire", "firewire:GUID1,GUID2", "cameras on an IEEE 1394 bus", FireWireOptions, _open_firewire),
-    SourceKind("gige", "gige:10.0.0.2,10.0.0.3", "GigE Vision cameras", GenicamOptions, _open_gige),
-    SourceKind("gentl", "gentl:producer.cti", "cameras of a GenTL producer", GenicamOptions, _open_gentl),
+    SourceKind("firewire", "firewire:GUID1,GUID2", "cameras on an IEEE 1394 bus", FireWireOptions, _open_live),
+    SourceKind("gige", "gige:10.0.0.2,10.0.0.3", "GigE Vision cameras", GenicamOptions, _open_live),
+    SourceKind("gentl", "gentl:producer.cti", "cameras of a GenTL producer", GenicamOptions, _open_live),
     SourceKind(
         "simulated",
         "simulated:arm",
@@ -138,15 +132,37 @@ def open_source(text: str, *, from_file: bool = False) -> FrameSource:
     ...     [pair.left.shape for pair in source]
     [(480, 640), (480, 640)]
     """
-    parsed = parse_source(text)
-    kind = next((kind for kind in SOURCES if parsed is not None and kind.name == parsed.kind), None)
-    if parsed is not None and kind is not None:
-        if from_file and kind.name == "gentl":
-            from skelgen.capture.sources.gentl import check_trusted  # noqa: PLC0415
+    return open_by_kind(text, SOURCES, ("images", "a folder"), from_file=from_file)
 
-            check_trusted(parsed.places)
-        return kind.open(parsed)
-    if text.strip() and Path(text).is_dir():
-        return _open_images(SourceText("folder", text))
-    known = ", ".join(kind.example for kind in SOURCES)
-    raise InputError(f"{text!r} is no source of images; known are {known}, or a folder")
+
+def open_by_kind(text: str, kinds: Sequence[SourceKind[Source]], words: tuple[str, str], *, from_file: bool) -> Source:
+    """Return the source that a text names, of a table of kinds.
+
+    Parameters
+    ----------
+    text : str
+        Of one of the kinds, or the path of a folder.
+    kinds : sequence of SourceKind
+        One of them is a folder's.
+    words : tuple of str
+        What sources are of, and what a folder must be, for messages.
+    from_file : bool
+        As of `open_source`.
+
+    Raises
+    ------
+    InputError
+        If no kind is meant.
+    """
+    parsed, rows = parse_source(text), {kind.name: kind for kind in kinds}
+    if (parsed is None or parsed.kind not in rows) and text.strip() and Path(text).is_dir():
+        parsed = SourceText("folder", text)
+    if parsed is None or parsed.kind not in rows:
+        known = ", ".join(kind.example for kind in kinds)
+        raise InputError(f"{text!r} is no source of {words[0]}; known are {known}, or {words[1]}")
+    if from_file and parsed.kind == "gentl":
+        from skelgen.capture.sources.gentl import check_trusted  # noqa: PLC0415
+
+        check_trusted(parsed.places)
+    kind = rows[parsed.kind]
+    return kind.open(parsed, kind.options.from_mapping(parsed.options, str(parsed)))

@@ -9,37 +9,37 @@ from pathlib import Path
 
 from skelgen.capture.sources.firewire import library as dc
 from skelgen.capture.sources.firewire.camera import FireWireCamera, Modes, Setting
-from skelgen.capture.sources.options import FireWireOptions, check_two_cameras
-from skelgen.capture.sources.pairs import LivePairs
+from skelgen.capture.sources.options import FireWireOptions
+from skelgen.capture.sources.pairs import Opener
 from skelgen.errors import CaptureError, ParameterError
 
-_EXAMPLE = "firewire:00accef000001000,00accef000001001"
+EXAMPLE = "firewire:00accef000001000,00accef000001001"
+"""Two cameras, as a user would name them."""
+
 _DEFAULT_RATE = 60.0  # Hz
 _FAST, _SLOW = 800, 400  # Mb/s: 1394b and what every camera has
 _SAME_RATE = 0.01  # part: 7.5 may be written 7.5, and 1.875 as 1.88
 
 
-def firewire_pairs(guids: tuple[str, ...], options: FireWireOptions) -> LivePairs:
-    """Return the frame source of two cameras on the bus.
+def opener(guids: tuple[str, ...], options: FireWireOptions) -> Opener:
+    """Return what opens cameras on the bus, and starts them together.
 
     Parameters
     ----------
     guids : tuple of str
-        Hexadecimal numbers of the left and the right camera; empty takes the only two there are, the lower number left.
+        Hexadecimal numbers of the cameras; empty takes the only two there are, the lower number first.
     options : FireWireOptions
         Rate, size, shutter and the like.
 
     Raises
     ------
     ParameterError
-        If `guids` are not none or two hexadecimal numbers, or the speed is unknown.
+        If `guids` are no hexadecimal numbers, or the speed is unknown.
     """
-    check_two_cameras("firewire", guids, _EXAMPLE)
-    numbers = tuple(guid_of(text) for text in guids)
+    numbers = tuple(map(_guid_of, guids))
     if options.speed not in (0, *dc.ISO_SPEEDS):
         raise ParameterError(f"speed is {options.speed}; it must be one of {', '.join(map(str, dc.ISO_SPEEDS))} Mb/s")
-    name = "firewire:" + ",".join(guids)
-    return LivePairs(name, lambda stack: open_firewire(stack, numbers, options), options)
+    return lambda stack: _open(stack, numbers, options)
 
 
 def why_no_camera(nodes: list[Path]) -> str:
@@ -85,20 +85,7 @@ def common_mode(modes: Sequence[Modes], names: Sequence[str], size: str, rate: f
     return best, _DEFAULT_RATE if not rate and _DEFAULT_RATE in fitting[best] else fitting[best][-1]
 
 
-def open_firewire(
-    stack: ExitStack, guids: tuple[int, ...], options: FireWireOptions
-) -> tuple[list[FireWireCamera], float]:
-    """Open cameras on the bus, and start them together; return them and their rate [Hz].
-
-    Parameters
-    ----------
-    stack : ExitStack
-        Closes them.
-    guids : tuple of int
-        Their numbers; empty takes the only two there are.
-    options : FireWireOptions
-        How they are to run.
-    """
+def _open(stack: ExitStack, guids: tuple[int, ...], options: FireWireOptions) -> tuple[list[FireWireCamera], float]:
     context = _context(stack)
     cameras = []
     for guid in guids or _only_two(_guids_of(context)):
@@ -141,7 +128,7 @@ def _only_two(guids: list[int]) -> list[int]:
         raise CaptureError(f"one camera is missing: only {listed} is on the IEEE 1394 bus, and a pair needs two")
     if len(guids) > 2:
         raise CaptureError(
-            f"{len(guids)} cameras are on the IEEE 1394 bus: {listed}; name left and right, as {_EXAMPLE}"
+            f"{len(guids)} cameras are on the IEEE 1394 bus: {listed}; name left and right, as {EXAMPLE}"
         )
     return guids
 
@@ -185,12 +172,11 @@ def _start(cameras: list[FireWireCamera]) -> None:
             camera.transmit(True)
 
 
-def guid_of(text: str) -> int:
-    """Return a camera's number from its hexadecimal text."""
+def _guid_of(text: str) -> int:
     try:
         return int(text, 16)
     except ValueError as error:
-        raise ParameterError(f"{text!r} is no camera's number; it looks like {_EXAMPLE}") from error
+        raise ParameterError(f"{text!r} is no camera's number; it looks like {EXAMPLE}") from error
 
 
 def _listed(offer: Modes) -> str:
