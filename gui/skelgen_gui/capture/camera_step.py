@@ -102,12 +102,14 @@ class CameraStep(Step[BoardShot]):
 
         def work(monitor: Monitor) -> tuple[StereoCalibration, FoundInSpace]:
             monitor.begin(title)
-            from skelgen.app.capture_jobs.collecting import boards_in_space  # noqa: PLC0415 - loads what captures need
-            from skelgen.capture.calibration.stereo import calibrate_views  # noqa: PLC0415
+            from skelgen.capture.calibration.stereo import (  # noqa: PLC0415 - loads what captures need
+                boards_in_space,
+                calibrate_views,
+            )
 
             seen = [(view.left, view.right) for view in views]
             found = calibrate_views([view.name for view in views], seen, board, views[0].size)
-            return found, boards_in_space(found.rig, found.pairs, board)
+            return found, FoundInSpace(*boards_in_space(found.rig, found.pairs, board))
 
         self._forget_result()
         self.run(title, work, self._show_found)

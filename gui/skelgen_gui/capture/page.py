@@ -11,7 +11,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QSplitter, QTabWidget, QWidget
 
 from skelgen.app.capture_jobs.camera_images import CameraImage
-from skelgen.app.capture_jobs.messages import CaptureEnd, FoundInSpace, JointProgress, LiveShot, TargetShot, WandShot
+from skelgen.app.capture_jobs.messages import CaptureEnd, FoundInSpace, LiveShot, TargetShot, WandShot
 from skelgen.capture.calibration.chessboard import LEAST_CORNERS
 from skelgen.model.rig import CameraRig, StereoRig
 from skelgen_gui.capture.camera_step import CameraStep
@@ -25,7 +25,7 @@ from skelgen_gui.project.context import Context
 from skelgen_gui.widgets.layouts import bare_column, put_texts
 
 if TYPE_CHECKING:
-    from skelgen.capture.calibration.taking import BodyProgress
+    from skelgen.capture.calibration.taking import BodyProgress, JointProgress
 
 
 class CapturePage(QWidget):

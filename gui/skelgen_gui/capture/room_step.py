@@ -22,7 +22,7 @@ from skelgen_gui.project.jobs import Jobs
 from skelgen_gui.widgets.layouts import describe, put_texts, row_of
 
 if TYPE_CHECKING:
-    from skelgen.app.capture_jobs.waving import WandCollector
+    from skelgen.app.capture_jobs.collecting import WandCollector
     from skelgen.capture.room.calibrate import WandCalibration
     from skelgen.capture.room.taking import WandProgress
 
@@ -80,7 +80,7 @@ class RoomStep(Step[WandShot]):
         self.verdict.clear()
 
         def work(monitor: Monitor) -> None:
-            from skelgen.app.capture_jobs.waving import WandCollector  # noqa: PLC0415 - loads what captures need
+            from skelgen.app.capture_jobs.collecting import WandCollector  # noqa: PLC0415 - loads what captures need
 
             collector = WandCollector(source, distances, control, feed)
             collectors.append(collector)  # at once: what it takes stays, whatever ends it

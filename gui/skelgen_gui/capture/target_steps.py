@@ -17,7 +17,7 @@ from PySide6.QtWidgets import QComboBox, QGridLayout, QLabel, QLineEdit, QPushBu
 from skelgen_formats.capture_settings import read_any_settings
 
 from skelgen.app.capture import add_body, add_joints
-from skelgen.app.capture_jobs.messages import CollectingControl, Feed, JointProgress, TargetShot
+from skelgen.app.capture_jobs.messages import CollectingControl, Feed, TargetShot
 from skelgen.capture.values import JointRequest, frames_from_text, start_from_text
 from skelgen.errors import InputError, SkelgenError
 from skelgen.model.rig import AnySettings
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from skelgen.app.capture_jobs.collecting import BodyCollector, JointCollector
     from skelgen.capture.calibration.body import BodyCalibration
     from skelgen.capture.calibration.joints import JointCalibration
-    from skelgen.capture.calibration.taking import BodyProgress
+    from skelgen.capture.calibration.taking import BodyProgress, JointProgress
 
 
 class TargetStep(AddingStep["BodyCollector", "BodyCalibration", "BodyProgress"]):
@@ -112,7 +112,7 @@ class TargetStep(AddingStep["BodyCollector", "BodyCalibration", "BodyProgress"])
         return self.form.name.text().strip() or self.tr("target")
 
 
-class JointStep(AddingStep["JointCollector", "JointCalibration", JointProgress]):
+class JointStep(AddingStep["JointCollector", "JointCalibration", "JointProgress"]):
     """Takes pairs of images of targets that move, calibrates their joints, adds these to the settings.
 
     Parameters

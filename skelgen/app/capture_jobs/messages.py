@@ -18,7 +18,6 @@ from skelgen.model.arrays import Floats, Ints
 from skelgen.model.rig import AnySettings, CameraRig, StereoRig
 
 if TYPE_CHECKING:
-    from skelgen.capture.calibration.joints import JointMotion
     from skelgen.capture.room.taking import WandProgress
     from skelgen.capture.target_joints import JointAngle
     from skelgen.capture.values import FoundBody, StereoPoints
@@ -252,25 +251,6 @@ class BoardShot:
 
     left: CameraImage
     right: CameraImage
-
-
-@dataclass(frozen=True)
-class JointProgress:
-    """How far the collecting of images of joints is.
-
-    Attributes
-    ----------
-    n_frames : int
-        Frames that came.
-    n_found : mapping of str to int
-        In how many of them each target was found, in the order of the settings.
-    motions : tuple of JointMotion
-        How far targets have moved against each other.
-    """
-
-    n_frames: int = 0
-    n_found: Mapping[str, int] = field(default_factory=dict)
-    motions: tuple[JointMotion, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,7 +23,7 @@ from skelgen.capture.calibration.chessboard import (
 from skelgen.capture.calibration.lens import AUTO, LEAST_VIEWS, adjust_lens, guess_camera
 from skelgen.capture.calibration.verdict import PairSeen, Verdict, judge
 from skelgen.capture.images import read_image
-from skelgen.capture.optics import project
+from skelgen.capture.optics import project, triangulate
 from skelgen.capture.values import Image
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import moved_points, nearest_rotation, transform_from, vector_from_matrix
@@ -344,3 +344,34 @@ def _with_std(value: float, std: float) -> str:
         return f"{value:g}"
     digits = max(0, 1 - math.floor(math.log10(std)))
     return f"{value:.{digits}f} ± {std:.{digits}f}"
+
+
+def boards_in_space(rig: StereoRig, pairs: Sequence[PairSeen], board: Board) -> tuple[Floats, Ints]:
+    """Return the corners of the boards that a calibration rests on, shape (n, 3), mm, and the board of each.
+
+    Parameters
+    ----------
+    rig : StereoRig
+        The calibrated cameras.
+    pairs : sequence of PairSeen
+        Views of the board; those that were not used are passed over.
+    board : Board
+        The board.
+    """
+    corners = [
+        _corners_in_space(rig, pair.left.corners, pair.right.corners, board)
+        for pair in pairs
+        if pair.is_used and pair.left is not None and pair.right is not None
+    ]
+    points = np.concatenate([np.zeros((0, 3)), *corners])
+    groups = np.repeat(np.arange(len(corners), dtype=np.intp), board.columns * board.rows)
+    is_known = np.isfinite(points).all(axis=1)
+    return points[is_known], groups[is_known]
+
+
+def _corners_in_space(rig: StereoRig, left: Floats, right: Floats, board: Board) -> Floats:
+    """Corners in space; the detector may have begun at another end of the board in one of the images."""
+    tried = [triangulate(rig, left, right[order]).points for order in board.orders]
+    steps = [np.linalg.norm(np.diff(points.reshape(board.rows, -1, 3), axis=1), axis=-1) for points in tried]
+    errors = [float(np.abs(np.nan_to_num(step, nan=np.inf) - board.square).mean()) for step in steps]
+    return tried[int(np.argmin(errors))]
