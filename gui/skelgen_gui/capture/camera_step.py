@@ -11,7 +11,7 @@ from PySide6.QtWidgets import QDoubleSpinBox, QLabel, QPushButton, QSpinBox, QWi
 
 from skelgen.app.capture import save_cameras
 from skelgen.app.capture_jobs.board_views import ENOUGH, CollectedView, ViewCollection, gaps
-from skelgen.app.capture_jobs.messages import BoardShot, CollectingControl, FoundInSpace
+from skelgen.app.capture_jobs.messages import BoardShot, CaptureControl, FoundInSpace
 from skelgen.capture.calibration.chessboard import Board
 from skelgen.progress import Monitor
 from skelgen_gui.capture.forms import ImageForm
@@ -83,7 +83,7 @@ class CameraStep(Step[BoardShot]):
             self.verdict.show_problem(self.tr("Choose where the images come from, or the simulated board."))
             return
         self._forget_result()
-        control = CollectingControl()
+        control = CaptureControl()
 
         def work(monitor: Monitor) -> None:
             from skelgen.app.capture_jobs.collecting import BoardCollector  # noqa: PLC0415 - loads what captures need

@@ -11,7 +11,7 @@ from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QLineEdit, QPushButton, QWidget
 
 from skelgen.app.capture_jobs.camera_images import NO_BODY
-from skelgen.app.capture_jobs.messages import CollectingControl, FoundInSpace, WandShot
+from skelgen.app.capture_jobs.messages import CaptureControl, FoundInSpace, WandShot
 from skelgen.app.room import Ground, on_floor, save_room
 from skelgen.errors import InputError
 from skelgen.model.rig import RoomSettings
@@ -65,7 +65,7 @@ class RoomStep(Step[WandShot]):
         """Take the wand from the beginning."""
         if self._jobs.is_busy:
             return
-        source, control, feed, collectors = self.form.source.source, CollectingControl(), self.feed, self._collectors
+        source, control, feed, collectors = self.form.source.source, CaptureControl(), self.feed, self._collectors
         if not source:
             self.verdict.show_problem(self.tr("Choose where the images come from, or the simulated wand."))
             return

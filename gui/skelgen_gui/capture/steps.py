@@ -9,7 +9,7 @@ from typing import Generic, Protocol, TypeVar
 from PySide6.QtCore import Qt, QTimer, Signal
 from PySide6.QtWidgets import QFileDialog, QLabel, QLayout, QPushButton, QScrollArea, QWidget
 
-from skelgen.app.capture_jobs.messages import CollectingControl, Feed, TargetShot
+from skelgen.app.capture_jobs.messages import CaptureControl, Feed, TargetShot
 from skelgen.capture.calibration.verdict import Verdict
 from skelgen.errors import Cancelled, SkelgenError
 from skelgen.model.rig import AnySettings
@@ -63,7 +63,7 @@ class Step(QWidget, Generic[_Shot]):
     def __init__(self, jobs: Jobs, report_error: Callable[[Exception], None], parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._jobs, self._report_error = jobs, report_error
-        self._control: CollectingControl | None = None
+        self._control: CaptureControl | None = None
         self.feed: Feed[_Shot] = Feed(self._arrived.emit)
         self.go, self.state, self.verdict = QPushButton(self), QLabel(self), VerdictLabel(self)
         wrap(self.state, self.tr("How far it is"))
@@ -115,7 +115,7 @@ class Step(QWidget, Generic[_Shot]):
         self._jobs.start(title, work, done, self._fail)
 
     def collect(
-        self, title: str, control: CollectingControl, work: Callable[[Monitor], _T], done: Callable[[_T | None], None]
+        self, title: str, control: CaptureControl, work: Callable[[Monitor], _T], done: Callable[[_T | None], None]
     ) -> None:
         """Collect images as a job, until the control stops it.
 
@@ -123,7 +123,7 @@ class Step(QWidget, Generic[_Shot]):
         ----------
         title : str
             Progress is reported under this name.
-        control : CollectingControl
+        control : CaptureControl
             Stops the job.
         work : callable (monitor) -> result
             Runs on another thread.
@@ -207,7 +207,7 @@ class Plan(Generic[_CollectorT, _CalibrationT, _ProgressT]):
         Calibrates from what was collected.
     """
 
-    collector: Callable[[CollectingControl, Feed[TargetShot[_ProgressT]]], _CollectorT]
+    collector: Callable[[CaptureControl, Feed[TargetShot[_ProgressT]]], _CollectorT]
     calibrate: Callable[[_CollectorT, Monitor], _CalibrationT]
 
 
@@ -272,7 +272,7 @@ class AddingStep(Step[TargetShot[_ProgressT]], Generic[_CollectorT, _Calibration
         """Collect images as the form says, from the beginning."""
         if self._jobs.is_busy:
             return
-        plan, control, feed = self.plan(), CollectingControl(), self.feed
+        plan, control, feed = self.plan(), CaptureControl(), self.feed
         collectors = self._collectors = []
         loading, title, computing = self.tr("Loading"), self.tr("Taking pairs of images"), self.tr("Calibrating")
 

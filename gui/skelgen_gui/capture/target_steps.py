@@ -17,7 +17,7 @@ from PySide6.QtWidgets import QComboBox, QGridLayout, QLabel, QLineEdit, QPushBu
 from skelgen_formats.capture_settings import read_any_settings
 
 from skelgen.app.capture import add_body, add_joints
-from skelgen.app.capture_jobs.messages import CollectingControl, Feed, TargetShot
+from skelgen.app.capture_jobs.messages import CaptureControl, Feed, TargetShot
 from skelgen.capture.values import JointRequest, frames_from_text, start_from_text
 from skelgen.errors import InputError, SkelgenError
 from skelgen.model.rig import AnySettings
@@ -68,7 +68,7 @@ class TargetStep(AddingStep["BodyCollector", "BodyCalibration", "BodyProgress"])
         """Return what is to be done as the form says now."""
         options, name, n_balls = self.form.options, self._name, self.form.n_balls
 
-        def collector(control: CollectingControl, feed: Feed[TargetShot[BodyProgress]]) -> BodyCollector:
+        def collector(control: CaptureControl, feed: Feed[TargetShot[BodyProgress]]) -> BodyCollector:
             from skelgen.app.capture_jobs.collecting import BodyCollector  # noqa: PLC0415 - loads what captures need
 
             return BodyCollector(options, control, feed, name, n_balls)
@@ -152,7 +152,7 @@ class JointStep(AddingStep["JointCollector", "JointCalibration", "JointProgress"
         """Return what is to be done as the form says now."""
         options, requests, chosen = self.form.options, self.requests.requests, self._form.use_frames.text()
 
-        def collector(control: CollectingControl, feed: Feed[TargetShot[JointProgress]]) -> JointCollector:
+        def collector(control: CaptureControl, feed: Feed[TargetShot[JointProgress]]) -> JointCollector:
             from skelgen.app.capture_jobs.collecting import JointCollector  # noqa: PLC0415 - loads what captures need
 
             return JointCollector(options, control, feed, requests)

@@ -15,8 +15,8 @@ from skelgen.app.capture_jobs.camera_images import CameraImage, camera_images_of
 from skelgen.app.capture_jobs.live import open_stream, source_of_text, warm_up
 from skelgen.app.capture_jobs.messages import (
     BoardShot,
+    CaptureControl,
     CaptureOptions,
-    CollectingControl,
     Feed,
     FoundInSpace,
     TargetShot,
@@ -52,13 +52,13 @@ class _Collector(Generic[_Shot]):
 
     Parameters
     ----------
-    control : CollectingControl
+    control : CaptureControl
         Tells it to stop.
     feed : Feed
         Where pictures and progress go.
     """
 
-    def __init__(self, control: CollectingControl, feed: Feed[_Shot]) -> None:
+    def __init__(self, control: CaptureControl, feed: Feed[_Shot]) -> None:
         self._control, self._feed = control, feed
 
     def _until_stopped(
@@ -87,14 +87,14 @@ class BoardCollector(_Collector[BoardShot]):
         What is looked for.
     views : ViewCollection
         Where views are kept.
-    control : CollectingControl
+    control : CaptureControl
         Tells it to stop, and to keep a view.
     feed : Feed
         Where pictures go.
     """
 
     def __init__(
-        self, source: str, board: Board, views: ViewCollection, control: CollectingControl, feed: Feed[BoardShot]
+        self, source: str, board: Board, views: ViewCollection, control: CaptureControl, feed: Feed[BoardShot]
     ) -> None:
         super().__init__(control, feed)
         self._source, self._board, self._views = source, board, views
@@ -168,7 +168,7 @@ class TargetCollector(_Collector[TargetShot[_Progress]], ABC, Generic[_Progress]
         As of every collector.
     """
 
-    def __init__(self, options: CaptureOptions, control: CollectingControl, feed: Feed[TargetShot[_Progress]]) -> None:
+    def __init__(self, options: CaptureOptions, control: CaptureControl, feed: Feed[TargetShot[_Progress]]) -> None:
         super().__init__(control, feed)
         self._options = options
         self.settings: AnySettings | None = None
@@ -235,7 +235,7 @@ class BodyCollector(TargetCollector[BodyProgress]):
     def __init__(
         self,
         options: CaptureOptions,
-        control: CollectingControl,
+        control: CaptureControl,
         feed: Feed[TargetShot[BodyProgress]],
         name: str,
         n_balls: int | None,
@@ -285,7 +285,7 @@ class JointCollector(TargetCollector[JointProgress]):
     def __init__(
         self,
         options: CaptureOptions,
-        control: CollectingControl,
+        control: CaptureControl,
         feed: Feed[TargetShot[JointProgress]],
         requests: Sequence[JointRequest],
     ) -> None:
@@ -325,9 +325,7 @@ class WandCollector(_Collector[WandShot]):
         As of every collector.
     """
 
-    def __init__(
-        self, source: str, distances: Sequence[float], control: CollectingControl, feed: Feed[WandShot]
-    ) -> None:
+    def __init__(self, source: str, distances: Sequence[float], control: CaptureControl, feed: Feed[WandShot]) -> None:
         super().__init__(control, feed)
         self._source, self._distances = source, tuple(distances)
         self.taking: WandTaking | None = None

@@ -114,23 +114,7 @@ class CaptureOptions:
 
 @dataclass(eq=False)
 class CaptureControl:
-    """What the window tells a capture that runs.
-
-    Attributes
-    ----------
-    stop : Event
-        It shall end.
-    record : Path or None
-        The file that shall be recorded now; None records nothing.
-    """
-
-    stop: Event = field(default_factory=Event)
-    record: Path | None = None
-
-
-@dataclass(eq=False)
-class CollectingControl:
-    """What the window tells a job that collects images for a calibration.
+    """What the window tells a job that captures, or that collects images for a calibration.
 
     Attributes
     ----------
@@ -138,10 +122,13 @@ class CollectingControl:
         It shall end.
     keep_next : Event
         The next pair that shows the whole board shall be kept, whether or not it moves or is like others.
+    record : Path or None
+        The file that shall be recorded now; None records nothing.
     """
 
     stop: Event = field(default_factory=Event)
     keep_next: Event = field(default_factory=Event)
+    record: Path | None = None
 
 
 @dataclass(frozen=True, eq=False)
