@@ -96,7 +96,7 @@ def calibrate_room(
     InputError
         If images, wand or frame are not what they must be; see `calibrate_wand` and `find_ground`.
     """
-    from skelgen.capture.room.recording import detected_balls, seen_in  # noqa: PLC0415 - loads kernels
+    from skelgen.capture.room.points import detected_balls, seen_in  # noqa: PLC0415 - loads kernels
     from skelgen.capture.room.sources import open_room_source  # noqa: PLC0415
     from skelgen.capture.room.taking import WandTaking  # noqa: PLC0415
 
@@ -138,7 +138,7 @@ def calibrate_room_by_boards(
 
     from skelgen.capture.room.boards import corners_in  # noqa: PLC0415
     from skelgen.capture.room.calibrate import calibrate_boards  # noqa: PLC0415 - loads kernels
-    from skelgen.capture.room.recording import all_seen, seen_in  # noqa: PLC0415
+    from skelgen.capture.room.points import all_seen, seen_in  # noqa: PLC0415
     from skelgen.capture.room.sources import open_room_source  # noqa: PLC0415
 
     source = open_room_source(held)
@@ -167,7 +167,7 @@ def on_floor(done: "WandCalibration", ground: Ground | None, monitor: Monitor = 
     if ground is None:
         return done
     from skelgen.capture.room.calibrate import on_ground  # noqa: PLC0415 - loads kernels
-    from skelgen.capture.room.recording import balls_of  # noqa: PLC0415
+    from skelgen.capture.room.points import balls_of  # noqa: PLC0415
     from skelgen.capture.room.sources import open_room_source  # noqa: PLC0415
     from skelgen.capture.room.wand_and_ground import find_ground  # noqa: PLC0415
 

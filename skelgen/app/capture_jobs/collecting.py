@@ -30,7 +30,7 @@ from skelgen.capture.calibration.taking import BodyProgress, BodyTaking, JointPr
 from skelgen.capture.images import opencv
 from skelgen.capture.live import search_parameters
 from skelgen.capture.room.calibrate import WandCalibration
-from skelgen.capture.room.recording import detected_balls
+from skelgen.capture.room.points import detected_balls
 from skelgen.capture.room.sources import open_room_source
 from skelgen.capture.room.taking import WandTaking
 from skelgen.capture.values import FoundBody, Image, JointRequest, StereoPoints
