@@ -21,9 +21,8 @@ from skelgen_gui.model.view_state import ViewState
 from skelgen_gui.model.viewpoint import up_axis
 from skelgen_gui.page_stack import WIDTH, PageStack, Preloading
 from skelgen_gui.pages import PAGES
-from skelgen_gui.project.cameras import Cameras
 from skelgen_gui.project.comparison import ComparisonPanel
-from skelgen_gui.project.context import Context, PageEntry, Runner, view_of
+from skelgen_gui.project.context import Cameras, Context, PageEntry, Runner, view_of
 from skelgen_gui.project.corrections import CorrectionActions, CorrectionList
 from skelgen_gui.project.deriving import PanelWhileSeen
 from skelgen_gui.project.file_actions import FileActions

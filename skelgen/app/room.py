@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from skelgen_formats.capture_settings import read_any_settings, write_settings
 
+from skelgen.capture.parameters import BodyParameters, DetectionParameters
 from skelgen.errors import InputError
 from skelgen.model.rig import CaptureSettings, RoomSettings
 from skelgen.progress import SILENT, Monitor
@@ -24,9 +25,6 @@ NOTICE_EVERY = 10.0
 
 def read_rig_settings(path: Path) -> CaptureSettings | RoomSettings:
     """Read settings of two cameras or of a room, the parameters checked with their lines; errors as `read_settings`."""
-    from skelgen.capture.bodies import BodyParameters  # noqa: PLC0415 - with what it needs, a second
-    from skelgen.capture.parameters import DetectionParameters  # noqa: PLC0415
-
     return read_any_settings(path, DetectionParameters, BodyParameters)
 
 

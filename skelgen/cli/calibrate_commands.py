@@ -92,7 +92,7 @@ def simulated(
 
 def _reason_against(bodies: Sequence[BodyTarget]) -> str:
     """Why bodies cannot be told from each other in a capture; empty if they can."""
-    from skelgen.capture.bodies import check_targets
+    from skelgen.capture.bodies.design import check_targets
 
     try:
         check_targets(bodies)

@@ -22,7 +22,8 @@ from typing import NamedTuple
 import numpy as np
 from shown import show, show_machine, verdict
 
-from skelgen.capture.bodies import BodyFinder, propose_targets
+from skelgen.capture.bodies import BodyFinder
+from skelgen.capture.bodies.design import propose_targets
 from skelgen.capture.live import MotionCapture
 from skelgen.capture.reference_rig import reference_rig
 from skelgen.capture.simulated_rig import SimulatedRig, simulated_rig

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from skelgen.app.recording import ball_positions
-from skelgen.capture.bodies import propose_targets, resolved_points
+from skelgen.capture.bodies import resolved_points
+from skelgen.capture.bodies.design import propose_targets
 from skelgen.capture.bodies.prediction import PredictionParameters
 from skelgen.capture.live import MotionCapture
 from skelgen.capture.reference_rig import reference_rig

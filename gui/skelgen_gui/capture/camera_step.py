@@ -10,7 +10,7 @@ from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QDoubleSpinBox, QLabel, QPushButton, QSpinBox, QWidget
 
 from skelgen.app.capture import save_cameras
-from skelgen.app.capture_jobs.board_views import ENOUGH, CollectedView, ViewCollection, gaps
+from skelgen.app.capture_jobs.images import ENOUGH, CollectedView, ViewCollection, gaps
 from skelgen.app.capture_jobs.messages import BoardShot, CaptureControl, FoundInSpace
 from skelgen.capture.calibration.chessboard import Board
 from skelgen.progress import Monitor

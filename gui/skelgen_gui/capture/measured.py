@@ -11,7 +11,7 @@ from PySide6.QtCore import QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPalette, QPen
 from PySide6.QtWidgets import QLabel, QSizePolicy, QWidget
 
-from skelgen.app.capture_jobs.board_views import CollectedView, sides
+from skelgen.app.capture_jobs.images import CollectedView, sides
 from skelgen.capture.calibration.chessboard import LEAST_CORNERS, BoardView, coverage
 from skelgen.capture.calibration.verdict import REPEAT, Verdict
 from skelgen.model.arrays import Floats

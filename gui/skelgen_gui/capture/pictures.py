@@ -12,7 +12,7 @@ from PySide6.QtCore import QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QImage, QPainter, QPaintEvent, QPen
 from PySide6.QtWidgets import QApplication, QWidget
 
-from skelgen.app.capture_jobs.camera_images import NO_BODY, CameraImage, camera_images_of
+from skelgen.app.capture_jobs.images import NO_BODY, CameraImage, camera_images_of
 from skelgen.app.drawing.scales import limb_colour
 from skelgen.capture.live import Captured
 from skelgen.capture.room.live import RoomCaptured

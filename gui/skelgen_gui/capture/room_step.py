@@ -10,7 +10,7 @@ import numpy as np
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QLineEdit, QPushButton, QWidget
 
-from skelgen.app.capture_jobs.camera_images import NO_BODY
+from skelgen.app.capture_jobs.images import NO_BODY
 from skelgen.app.capture_jobs.messages import CaptureControl, FoundInSpace, WandShot
 from skelgen.app.room import Ground, on_floor, save_room
 from skelgen.errors import InputError

@@ -8,7 +8,7 @@ from PySide6.QtCore import QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QKeyEvent, QMouseEvent, QPainter, QPaintEvent, QPen, QResizeEvent, QWheelEvent
 from PySide6.QtWidgets import QWidget
 
-from skelgen.app.capture_jobs.camera_images import NO_BODY
+from skelgen.app.capture_jobs.images import NO_BODY
 from skelgen.app.capture_jobs.messages import FoundInSpace
 from skelgen.model.arrays import Floats
 from skelgen.model.rig import CameraRig, StereoRig

@@ -10,8 +10,14 @@ from functools import partial
 from os import cpu_count
 from typing import Generic, Protocol, TypeVar
 
-from skelgen.app.capture_jobs.board_views import CollectedView, ViewCollection, is_new, is_steady
-from skelgen.app.capture_jobs.camera_images import CameraImage, camera_images_of
+from skelgen.app.capture_jobs.images import (
+    CameraImage,
+    CollectedView,
+    ViewCollection,
+    camera_images_of,
+    is_new,
+    is_steady,
+)
 from skelgen.app.capture_jobs.live import open_stream, source_of_text, warm_up
 from skelgen.app.capture_jobs.messages import (
     BoardShot,

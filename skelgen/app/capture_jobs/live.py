@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from skelgen.app.capture import capture, read_capture_settings, source_of
-from skelgen.app.capture_jobs.camera_images import camera_images_of
+from skelgen.app.capture_jobs.images import camera_images_of
 from skelgen.app.capture_jobs.messages import (
     ROOM,
     CaptureControl,

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Generic, TypeVar
 
 import numpy as np
 
-from skelgen.app.capture_jobs.camera_images import NO_BODY, CameraImage
+from skelgen.app.capture_jobs.images import NO_BODY, CameraImage
 from skelgen.errors import SkelgenError
 from skelgen.model.arrays import Floats, Ints
 from skelgen.model.rig import AnySettings, CameraRig, StereoRig

@@ -13,9 +13,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from skelgen.capture.bodies import AmbiguousTargetError, BodyFinder, BodyParameters, check_targets, propose_move
+from skelgen.capture.bodies import BodyFinder
+from skelgen.capture.bodies.design import AmbiguousTargetError, check_targets, propose_move
 from skelgen.capture.calibration.joints import LEAST_TURN, thinned
 from skelgen.capture.calibration.verdict import GOOD, REPEAT, USABLE, Row, Verdict, as_sentence, hundredths
+from skelgen.capture.parameters import BodyParameters
 from skelgen.capture.values import FoundBody, StereoPoints
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import N_POSE, moved_pose, slopes_by_motion, vector_from_matrix

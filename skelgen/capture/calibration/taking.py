@@ -11,9 +11,11 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
-from skelgen.capture.bodies import BodyFinder, BodyParameters, check_targets
+from skelgen.capture.bodies import BodyFinder
+from skelgen.capture.bodies.design import check_targets
 from skelgen.capture.calibration.body import ENOUGH_FRAMES, first_shape, sure_points
 from skelgen.capture.calibration.joints import LEAST_TURN, JointMotion, joint_motion
+from skelgen.capture.parameters import BodyParameters
 from skelgen.capture.values import FoundBody, StereoPoints
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import vector_from_matrix

@@ -11,7 +11,7 @@ from skelgen_gui.capture.measured import COVERED, CoverageView, MotionTable, Tur
 from skelgen_gui.capture.target_steps import RequestList
 from skelgen_gui.widgets.painting import is_dark, theme_palette
 
-from skelgen.app.capture_jobs.board_views import CollectedView
+from skelgen.app.capture_jobs.images import CollectedView
 from skelgen.capture.calibration.chessboard import BoardView
 from skelgen.capture.calibration.joints import JointMotion
 from skelgen.capture.values import JointRequest

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from PySide6.QtCore import QPoint, QPointF, Qt
-from skelgen_gui.capture.live import free_path
+from skelgen_gui.capture.page import free_path
 from skelgen_gui.capture.pictures import BOARD, LOOSE, Pictures, group_colour
 from skelgen_gui.capture.results import MOST_NOTICES, Notices
 from skelgen_gui.capture.space import Space
-from skelgen_gui.project.cameras import cameras_of
+from skelgen_gui.model.viewpoint import cameras_of
 
-from skelgen.app.capture_jobs.camera_images import CameraImage
+from skelgen.app.capture_jobs.images import CameraImage
 from skelgen.app.capture_jobs.messages import FoundInSpace
 from skelgen.capture.calibration.chessboard import BoardView
 from skelgen.capture.optics import project
