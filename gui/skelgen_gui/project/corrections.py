@@ -23,6 +23,7 @@ from PySide6.QtWidgets import (
 
 from skelgen.app.corrections import frames_seen_together, is_by_subject, with_correction
 from skelgen.errors import SkelgenError
+from skelgen.files import read_table
 from skelgen.model import Project
 from skelgen.model.corrections import Correction
 from skelgen_gui.model.offers import Offer, new_name, offers
@@ -180,6 +181,9 @@ class CorrectionActions(QObject):
         return name.strip() if is_accepted and name.strip() else None
 
 
+_WORDS = read_table(__file__, "offers")
+
+
 def _text(offer: Offer) -> str:
     if offer.kind == "move":
         return offer.about[0]
@@ -189,27 +193,8 @@ def _text(offer: Offer) -> str:
     if offer.kind == "instead":
         return _tr("Use this joint instead: {0} – {1}, and not {2} – {3}").format(*words)
     if offer.about:
-        ways = {
-            "together": _tr("One limb: {0}"),
-            "name": _tr("Call {0}…"),
-            "name-joint": _tr("Call {0}…"),
-            "join": _tr("Joint between {0}"),
-            "part": _tr("No joint between {0}"),
-            "root": _tr("Root: {0}"),
-        }
-        return ways[offer.kind].format(_tr(" and ").join(words))
-    names = ", ".join(words)
-    return {
-        "merge": _tr("Merge {0}"),
-        "swap": _tr("Exchange {0}…"),
-        "split": _tr("Split {0}…"),
-        "rename": _tr("Rename {0}…"),
-        "delete": _tr("Delete {0}…"),
-        "together": _tr("On one limb: {0}"),
-        "apart": _tr("On different limbs: {0}"),
-        "join": _tr("Joint between the limbs of {0}"),
-        "part": _tr("No joint between the limbs of {0}"),
-    }[offer.kind].format(names)
+        return _tr(_WORDS["about"][offer.kind]).format(_tr(" and ").join(words))
+    return _tr(_WORDS["of"][offer.kind]).format(", ".join(words))
 
 
 def _tr(text: str) -> str:
