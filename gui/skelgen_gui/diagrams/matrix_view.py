@@ -209,6 +209,11 @@ class MatrixView(QWidget):
     Hover or arrow keys name a pair, a click or Return selects both markers (Control: these as well), dragging a square
     or the wheel zooms, a double click or 0 shows all.
 
+    Attributes
+    ----------
+    region : Region
+        The part that is in sight.
+
     Parameters
     ----------
     session : Session
@@ -222,7 +227,7 @@ class MatrixView(QWidget):
         self._session = session
         self._matrix: DeviationMatrix | None = None
         self._image = QImage()
-        self._region, self._n_rows = Region.whole(1), 0
+        self.region, self._n_rows = Region.whole(1), 0
         self._cell: tuple[int, int] | None = None
         self._pressed: QPointF | None = None
         self._dragged: QPointF | None = None
@@ -232,11 +237,6 @@ class MatrixView(QWidget):
         session.project_changed.connect(self._follow_project)
         session.selection_changed.connect(self.update)
         self._follow_project()
-
-    @property
-    def region(self) -> Region:
-        """The part that is in sight."""
-        return self._region
 
     def sizeHint(self) -> QSize:
         """Return a square and what stands beside it."""
@@ -303,7 +303,7 @@ class MatrixView(QWidget):
 
     def wheelEvent(self, event: QWheelEvent) -> None:
         """Zoom about the pointer."""
-        self._show(self._region.zoomed(ZOOM ** notches(event)[1], *self._index_at(event.position())))
+        self._show(self.region.zoomed(ZOOM ** notches(event)[1], *self._index_at(event.position())))
         event.accept()
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
@@ -315,7 +315,7 @@ class MatrixView(QWidget):
             self._select(event.modifiers())
         elif key in {Qt.Key.Key_Plus, Qt.Key.Key_Equal, Qt.Key.Key_Minus}:
             row, column = self._cell or (self._n // 2, self._n // 2)
-            self._show(self._region.zoomed(ZOOM ** (-2 if key == Qt.Key.Key_Minus else 2), row + 0.5, column + 0.5))
+            self._show(self.region.zoomed(ZOOM ** (-2 if key == Qt.Key.Key_Minus else 2), row + 0.5, column + 0.5))
         elif key in {Qt.Key.Key_0, Qt.Key.Key_Escape}:
             self._show(Region.whole(self._n))
         else:
@@ -345,7 +345,7 @@ class MatrixView(QWidget):
         self._cell, self._pressed = None, None
         if self._matrix is not None:
             self._image = image_of(self._matrix.pixels)
-            self._region = self._region.within(self._n) if self._n == before else Region.whole(self._n)
+            self.region = self.region.within(self._n) if self._n == before else Region.whole(self._n)
             self._n_rows = self._n
         self.update()
 
@@ -354,7 +354,7 @@ class MatrixView(QWidget):
         return 0 if self._matrix is None else self._matrix.n
 
     def _show(self, region: Region) -> None:
-        self._region = region.within(self._n)
+        self.region = region.within(self._n)
         self.update()
 
     def _point_at(self, cell: tuple[int, int] | None) -> None:
@@ -364,12 +364,12 @@ class MatrixView(QWidget):
 
     def _step(self, down: int, right: int) -> None:
         """Go to the next cell, and bring it into sight."""
-        row, column = self._cell or (int(self._region.row), int(self._region.column))
+        row, column = self._cell or (int(self.region.row), int(self.region.column))
         last = self._n - 1
         row, column = min(max(row + down, 0), last), min(max(column + right, 0), last)
-        top = min(max(self._region.row, row + 1 - self._region.size), float(row))
-        left = min(max(self._region.column, column + 1 - self._region.size), float(column))
-        self._show(Region(top, left, self._region.size))
+        top = min(max(self.region.row, row + 1 - self.region.size), float(row))
+        left = min(max(self.region.column, column + 1 - self.region.size), float(column))
+        self._show(Region(top, left, self.region.size))
         self._point_at((row, column))
 
     def _select(self, modifiers: Qt.KeyboardModifier) -> None:
@@ -387,4 +387,4 @@ class MatrixView(QWidget):
 
     @property
     def _placed(self) -> PlacedRegion:
-        return place_matrix(self._region, self._n, self.width(), self.height())
+        return place_matrix(self.region, self._n, self.width(), self.height())

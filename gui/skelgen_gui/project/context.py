@@ -127,6 +127,8 @@ class Runner(QObject):
     ----------
     failed : str
         The stage at which the last run ended with an error; empty if none did.
+    entered : mapping of str to mapping
+        Parameters that were entered in forms, by stage and name.
     """
 
     finished = Signal(str)
@@ -138,7 +140,7 @@ class Runner(QObject):
     ) -> None:
         super().__init__(parent)
         self._document, self._jobs, self._report_error = document, jobs, report_error
-        self._values: dict[str, Mapping[str, object]] = {}
+        self.entered: dict[str, Mapping[str, object]] = {}
         self.computes_at_once = True
         self.failed, self._stage = "", ""
         self._running: tuple[Project, str] | None = None
@@ -158,33 +160,28 @@ class Runner(QObject):
         values : mapping of str to value
             Its parameters.
         """
-        self._values[stage] = dict(values)
+        self.entered[stage] = dict(values)
 
     def has_entered(self, stage: str) -> bool:
         """Return whether parameters of a stage were entered, other than those that it ran with."""
-        return stage in self._values
+        return stage in self.entered
 
     def values(self, stage: str) -> Mapping[str, object]:
         """Return the parameters of a stage's next run: those of its form, or those that it ran with."""
         project = self._document.session.project
-        if stage not in self._values and project is not None and stage in project.reports:
+        if stage not in self.entered and project is not None and stage in project.reports:
             return project.reports[stage].parameters
-        return self._values.get(stage, {})
+        return self.entered.get(stage, {})
 
     @property
     def folder(self) -> str:
         """Where the project is, for dialogs; empty if that is not known."""
         return str(self._document.session.folder or "")
 
-    @property
-    def entered(self) -> Mapping[str, Mapping[str, object]]:
-        """Parameters that were entered in forms, by stage and name."""
-        return self._values
-
     def begin_with(self, values: Mapping[str, Mapping[str, object]]) -> None:
         """Forget what was entered, and take over the parameters that another project keeps, by stage and name."""
         self.failed = ""
-        self._values = dict(values)
+        self.entered = dict(values)
         self.values_changed.emit()
 
     def run(self, stage: str) -> None:
@@ -323,6 +320,11 @@ class Cameras(QObject):
     changed()
         Others, or none.
 
+    Attributes
+    ----------
+    shown : tuple of ShownCamera
+        The cameras that are shown.
+
     Parameters
     ----------
     report_error : callable (error)
@@ -336,15 +338,10 @@ class Cameras(QObject):
     def __init__(self, report_error: Callable[[Exception], None], window: QWidget) -> None:
         super().__init__(window)
         self._report_error, self._window = report_error, window
-        self._shown: tuple[ShownCamera, ...] = ()
+        self.shown: tuple[ShownCamera, ...] = ()
         self._folder = ""
         self._known: dict[Path, StereoRig | CameraRig] = {}
         self._reader = Deriver(self)
-
-    @property
-    def shown(self) -> tuple[ShownCamera, ...]:
-        """The cameras that are shown."""
-        return self._shown
 
     def remember(self, recording: Path, rig: StereoRig | CameraRig) -> None:
         """Note which rig a recording was made with, for when it is opened.
@@ -370,7 +367,7 @@ class Cameras(QObject):
         """
         self._show(cameras)
         self._folder = "" if project.source is None else str(Path(project.source.path).parent)
-        if self._shown or project.source is None:
+        if self.shown or project.source is None:
             return
         path = Path(project.source.path)
         if path in self._known:
@@ -391,7 +388,7 @@ class Cameras(QObject):
 
     def _show(self, cameras: tuple[ShownCamera, ...]) -> None:
         self._reader.forget()  # what is still being read is of the cameras before
-        self._shown = cameras
+        self.shown = cameras
         self.changed.emit()
 
 

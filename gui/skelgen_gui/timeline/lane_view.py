@@ -56,6 +56,11 @@ class LaneView(SpanView):
 
     Click or drag goes to a frame, a click on a name selects the marker, the wheel zooms.
 
+    Attributes
+    ----------
+    lanes : Lanes or None
+        The lanes that are shown; None while they are derived.
+
     Parameters
     ----------
     session : Session
@@ -66,7 +71,7 @@ class LaneView(SpanView):
 
     def __init__(self, session: Session, span: VisibleSpan, parent: QWidget | None = None) -> None:
         super().__init__(session, span, parent)
-        self._lanes: Lanes | None = None
+        self.lanes: Lanes | None = None
         self._lanes_of: Project | None = None
         self._picture: tuple[tuple[object, ...], QPixmap] | None = None
         self._is_dragging = False
@@ -81,11 +86,6 @@ class LaneView(SpanView):
         session.project_changed.connect(self._follow_project)
         session.selection_changed.connect(self._show_selected)
         self._follow_project()
-
-    @property
-    def lanes(self) -> Lanes | None:
-        """The lanes that are shown; None while they are derived."""
-        return self._lanes
 
     def sizeHint(self) -> QSize:
         """Return room for some lanes."""
@@ -112,10 +112,10 @@ class LaneView(SpanView):
     def tip_at(self, place: QPointF) -> str:
         """Describe a place: the marker, and how it is known in the frame there."""
         lane, project = self._lane_at(place.y()), self._lanes_of
-        if lane is None or self._lanes is None or project is None:
+        if lane is None or self.lanes is None or project is None:
             return self.tr("Wheel: zoom · Shift and wheel: pan · click: go there · click on a name: select")
         frame = self._frame_at(place.x()) if place.x() >= GUTTER else None
-        return lane_sentence(project, self._lanes, lane, frame)
+        return lane_sentence(project, self.lanes, lane, frame)
 
     def mousePressEvent(self, event: QMouseEvent) -> None:
         """Go to a frame, or select a marker by its name."""
@@ -136,7 +136,7 @@ class LaneView(SpanView):
         """Ask for a menu for what is selected; the marker under the pointer is selected first."""
         lane = self._lane_at(event.pos().y())
         is_mouse = event.reason() is QContextMenuEvent.Reason.Mouse
-        here = None if self._lanes is None or lane is None else int(self._lanes.markers[lane])
+        here = None if self.lanes is None or lane is None else int(self.lanes.markers[lane])
         if is_mouse and here is not None and here not in self._session.selection.markers:
             self._select(lane, Qt.KeyboardModifier.NoModifier)
         self._session.menu_requested.emit(event.globalPos())
@@ -163,12 +163,12 @@ class LaneView(SpanView):
     def paintEvent(self, event: QPaintEvent) -> None:
         """Paint selected lanes, bars, names, and the cursor."""
         with QPainter(self) as painter:
-            if self._lanes is not None and self._lanes_of is not None and self._lanes.n_lanes:
-                shown = self._shown_lanes(self._lanes)
-                self._paint_backs(painter, self._lanes, shown)
+            if self.lanes is not None and self._lanes_of is not None and self.lanes.n_lanes:
+                shown = self._shown_lanes(self.lanes)
+                self._paint_backs(painter, self.lanes, shown)
                 top = _LANE * int(shown[0]) - self._bar.value()
-                painter.drawPixmap(GUTTER, top, self._bars(self._lanes, shown))
-                self._paint_names(painter, self._lanes, shown, self._lanes_of)
+                painter.drawPixmap(GUTTER, top, self._bars(self.lanes, shown))
+                self._paint_names(painter, self.lanes, shown, self._lanes_of)
             else:
                 self._paint_nothing(painter)
             if self._session.n_frames and GUTTER <= self._x_of(self._session.frame + 0.5) <= self.width() - MARGIN:
@@ -186,14 +186,14 @@ class LaneView(SpanView):
             self.deriver.derive(partial(find_lanes, project), partial(self._take_lanes, project))
 
     def _take_lanes(self, project: Project | None, lanes: Lanes | None) -> None:
-        self._lanes_of, self._lanes, self._picture = project, lanes, None
+        self._lanes_of, self.lanes, self._picture = project, lanes, None
         self._fit_bar()
         self.updateGeometry()
         self.update()
 
     def _show_selected(self) -> None:
         """Scroll to a marker that was selected elsewhere."""
-        lanes = [] if self._lanes is None else np.flatnonzero(np.isin(self._lanes.markers, self._selected())).tolist()
+        lanes = [] if self.lanes is None else np.flatnonzero(np.isin(self.lanes.markers, self._selected())).tolist()
         if lanes:
             top, bottom = _LANE * lanes[0], _LANE * (lanes[0] + 1)
             self._bar.setValue(min(max(self._bar.value(), bottom - self.height()), top))
@@ -208,7 +208,7 @@ class LaneView(SpanView):
 
     def _select(self, lane: int | None, modifiers: Qt.KeyboardModifier) -> None:
         """Select a lane's marker; with Control another one as well, or one less."""
-        marker = frozenset({int(self._lanes.markers[lane])}) if self._lanes is not None and lane is not None else None
+        marker = frozenset({int(self.lanes.markers[lane])}) if self.lanes is not None and lane is not None else None
         if modifiers & Qt.KeyboardModifier.ControlModifier and marker is not None:
             self._session.select(Selection(self._session.selection.markers ^ marker))
         else:
@@ -216,15 +216,15 @@ class LaneView(SpanView):
 
     def _select_beside(self, step: int) -> None:
         """Select the marker of the lane above or below the selected one."""
-        if self._lanes is None or not self._lanes.n_lanes:
+        if self.lanes is None or not self.lanes.n_lanes:
             return
-        lanes = np.flatnonzero(np.isin(self._lanes.markers, self._selected()))
+        lanes = np.flatnonzero(np.isin(self.lanes.markers, self._selected()))
         lane = (int(lanes[0 if step < 0 else -1]) + step) if len(lanes) else 0
         self._select(min(max(lane, 0), self._n_lanes - 1), Qt.KeyboardModifier.NoModifier)
 
     @property
     def _n_lanes(self) -> int:
-        return 0 if self._lanes is None else self._lanes.n_lanes
+        return 0 if self.lanes is None else self.lanes.n_lanes
 
     def _lane_at(self, y: float) -> int | None:
         lane = int((y + self._bar.value()) // _LANE)

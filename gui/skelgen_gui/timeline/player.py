@@ -24,6 +24,13 @@ _ROUNDING = 1e-6  # of a frame: a clock that says 0.29999999 s at 100 Hz means f
 class Player(QObject):
     """Plays the session's take.
 
+    Attributes
+    ----------
+    speed : float
+        Speed as a multiple of that of the take.
+    loop : bool
+        Whether the range is played again and again.
+
     Parameters
     ----------
     session : Session
@@ -47,7 +54,7 @@ class Player(QObject):
     ) -> None:
         super().__init__(parent)
         self._session, self._clock = session, clock
-        self._speed, self._loop = 1.0, False
+        self.speed, self.loop = 1.0, False
         self._first, self._last = 0, 0
         self._started, self._origin, self._shown = 0.0, 0, 0
         self._timer = QTimer(self)
@@ -62,16 +69,6 @@ class Player(QObject):
     def is_playing(self) -> bool:
         """Whether the take is playing."""
         return self._timer.isActive()
-
-    @property
-    def speed(self) -> float:
-        """Speed as a multiple of that of the take."""
-        return self._speed
-
-    @property
-    def loop(self) -> bool:
-        """Whether the range is played again and again."""
-        return self._loop
 
     @property
     def range(self) -> tuple[int, int]:
@@ -105,13 +102,13 @@ class Player(QObject):
 
     def set_speed(self, speed: float) -> None:
         """Play faster or slower from here on, within the bounds of `SPEEDS`."""
-        self._speed = min(max(float(speed), SPEEDS[0]), SPEEDS[-1])
+        self.speed = min(max(float(speed), SPEEDS[0]), SPEEDS[-1])
         self._anchor()
         self.settings_changed.emit()
 
     def set_loop(self, loop: bool) -> None:
         """Play the range again and again, or once."""
-        self._loop = bool(loop)
+        self.loop = bool(loop)
         self._anchor()
         self.settings_changed.emit()
 
@@ -145,13 +142,13 @@ class Player(QObject):
         self._shown = self._origin
 
     def _tick(self) -> None:
-        passed = (self._clock() - self._started) * self._session.rate * self._speed
+        passed = (self._clock() - self._started) * self._session.rate * self.speed
         frame = self._origin + math.floor(passed + _ROUNDING)
-        if self._loop and frame > self._last:
+        if self.loop and frame > self._last:
             frame = self._first + (frame - self._first) % (self._last - self._first + 1)
         self._shown = min(frame, self._last)
         self._session.show_frame(self._shown)
-        if frame >= self._last and not self._loop:
+        if frame >= self._last and not self.loop:
             self.pause()
 
 

@@ -48,6 +48,13 @@ _GAP = 6.0  # px between panels
 class PlotView(SpanView):
     """Shows panels; click or drag goes to a frame, the wheel zooms.
 
+    Attributes
+    ----------
+    panels : tuple of Panel
+        What is shown.
+    hint : str
+        Words below the panels, or instead of them.
+
     Parameters
     ----------
     session : Session
@@ -58,21 +65,11 @@ class PlotView(SpanView):
 
     def __init__(self, session: Session, span: VisibleSpan, parent: QWidget | None = None) -> None:
         super().__init__(session, span, parent)
-        self._panels: tuple[Panel, ...] = ()
-        self._hint = ""
+        self.panels: tuple[Panel, ...] = ()
+        self.hint = ""
         self._picture: tuple[tuple[object, ...], QPixmap] | None = None
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
         session.take_changed.connect(self._follow_take)
-
-    @property
-    def panels(self) -> tuple[Panel, ...]:
-        """What is shown."""
-        return self._panels
-
-    @property
-    def hint(self) -> str:
-        """Words below the panels, or instead of them."""
-        return self._hint
 
     def show_panels(self, panels: tuple[Panel, ...], hint: str = "") -> None:
         """Show some panels, and below them, or instead of them, a hint.
@@ -84,7 +81,7 @@ class PlotView(SpanView):
         hint : str
             Words below them, or instead of them.
         """
-        self._panels, self._hint, self._picture = panels, hint, None
+        self.panels, self.hint, self._picture = panels, hint, None
         self.update()
 
     def minimumSizeHint(self) -> QSize:
@@ -93,7 +90,7 @@ class PlotView(SpanView):
 
     def panel_rect(self, index: int) -> QRectF:
         """Return where a panel's curves lie."""
-        count = len(self._panels) + (1 if self._hint and self._panels else 0)
+        count = len(self.panels) + (1 if self.hint and self.panels else 0)
         height = (self.height() + _GAP) / max(count, 1) - _GAP
         return QRectF(GUTTER, index * (height + _GAP), self._plot_width, height)
 
@@ -103,8 +100,8 @@ class PlotView(SpanView):
 
     def tip_at(self, place: QPointF) -> str:
         """Return the values of the frame at a place, and what the panel's note says."""
-        rooms = (self.panel_rect(index) for index in range(len(self._panels)))
-        y, panels = place.y(), zip(self._panels, rooms, strict=True)
+        rooms = (self.panel_rect(index) for index in range(len(self.panels)))
+        y, panels = place.y(), zip(self.panels, rooms, strict=True)
         panel = next((panel for panel, room in panels if room.top() <= y <= room.bottom()), None)
         if panel is None or place.x() < GUTTER:
             return self.toolTip() if panel is None else "\n".join(filter(None, (panel.title, panel.note, panel.about)))
@@ -127,15 +124,15 @@ class PlotView(SpanView):
         with QPainter(self) as painter:
             painter.drawPixmap(0, 0, self._curves())
             frame = self._session.frame
-            for index, panel in enumerate(self._panels):
+            for index, panel in enumerate(self.panels):
                 paint_legend(painter, panel, frame, self.panel_rect(index), self.palette())
             x = round(self._x_of(frame + 0.5))
-            if self._panels and GUTTER <= x <= self.width() - MARGIN:
+            if self.panels and GUTTER <= x <= self.width() - MARGIN:
                 painter.setPen(QPen(cursor_colour(self.palette()), 1.0))
-                painter.drawLine(x, 0, x, round(self.panel_rect(len(self._panels) - 1).bottom()))
-            if self._hint:
-                room = self.panel_rect(len(self._panels)) if self._panels else QRectF(self.rect())
-                paint_words(painter, room, self._hint, self.palette())
+                painter.drawLine(x, 0, x, round(self.panel_rect(len(self.panels) - 1).bottom()))
+            if self.hint:
+                room = self.panel_rect(len(self.panels)) if self.panels else QRectF(self.rect())
+                paint_words(painter, room, self.hint, self.palette())
 
     def _follow_take(self) -> None:
         """Drop the curves of another take, which has other frames, until those of this one are there."""
@@ -154,7 +151,7 @@ class PlotView(SpanView):
             picture.fill(Qt.GlobalColor.transparent)
             with QPainter(picture) as painter:
                 painter.setFont(self.font())
-                for index, panel in enumerate(self._panels):
+                for index, panel in enumerate(self.panels):
                     paint_plot(painter, panel, self._span, self.panel_rect(index), self.palette())
             self._picture = key, picture
         return self._picture[1]

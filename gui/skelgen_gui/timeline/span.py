@@ -27,6 +27,13 @@ _PAN = 0.1  # of what is in sight, per notch
 class VisibleSpan(QObject):
     """The frames that are in sight; frame f lies from f to f + 1.
 
+    Attributes
+    ----------
+    first : float
+        Where the stretch begins [frames].
+    end : float
+        Where it ends [frames].
+
     Parameters
     ----------
     session : Session
@@ -43,20 +50,10 @@ class VisibleSpan(QObject):
     def __init__(self, session: Session, parent: QObject | None = None) -> None:
         super().__init__(parent)
         self._session = session
-        self._first, self._end = 0.0, 1.0
+        self.first, self.end = 0.0, 1.0
         session.take_changed.connect(self._follow_take)
         session.frame_changed.connect(self._reveal)
         self.show_all()
-
-    @property
-    def first(self) -> float:
-        """Where the stretch begins [frames]."""
-        return self._first
-
-    @property
-    def end(self) -> float:
-        """Where it ends [frames]."""
-        return self._end
 
     def show_all(self) -> None:
         """Show the whole take."""
@@ -73,8 +70,8 @@ class VisibleSpan(QObject):
         whole = float(self._n_frames)
         length = min(max(end - first, _FEWEST_FRAMES), whole)
         first = min(max(first, 0.0), whole - length)
-        if (first, first + length) != (self._first, self._end):
-            self._first, self._end = first, first + length
+        if (first, first + length) != (self.first, self.end):
+            self.first, self.end = first, first + length
             self.changed.emit()
 
     def zoom(self, factor: float, about: float) -> None:
@@ -87,11 +84,11 @@ class VisibleSpan(QObject):
         about : float
             The frame that stays in its place.
         """
-        self.show(about - (about - self._first) / factor, about + (self._end - about) / factor)
+        self.show(about - (about - self.first) / factor, about + (self.end - about) / factor)
 
     def pan(self, frames: float) -> None:
         """Show what lies some frames later, or earlier if negative."""
-        self.show(self._first + frames, self._end + frames)
+        self.show(self.first + frames, self.end + frames)
 
     @property
     def _n_frames(self) -> int:
@@ -102,8 +99,8 @@ class VisibleSpan(QObject):
         self.changed.emit()
 
     def _reveal(self, frame: int) -> None:
-        if not self._first <= frame < self._end:
-            length = self._end - self._first
+        if not self.first <= frame < self.end:
+            length = self.end - self.first
             self.show(frame - _LEAD * length, frame + (1 - _LEAD) * length)
 
 

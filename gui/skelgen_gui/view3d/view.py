@@ -51,6 +51,11 @@ class View3D(QWidget):
     context_requested(QPoint, Selection)
         The user wants a menu for what is selected, at a place on the screen.
 
+    Attributes
+    ----------
+    shown : Shown
+        What is shown.
+
     Parameters
     ----------
     session : Session
@@ -68,7 +73,7 @@ class View3D(QWidget):
     def __init__(self, session: Session, parent: QWidget | None = None, *, is_main: bool = True) -> None:
         super().__init__(parent)
         self._session = session
-        self._shown = Shown()
+        self.shown = Shown()
         self._camera = ViewCamera()
         self._other: Scene | None = None
         self._frustums = NO_FRUSTUMS
@@ -78,7 +83,7 @@ class View3D(QWidget):
         self._drag: controls.Drag | None = None
         self._pointer = QPointF()
         self._set_up_widget()
-        self.commands = controls.Commands(self._shown, self)
+        self.commands = controls.Commands(self.shown, self)
         self._connect_commands()
         self._buttons = controls.ViewButtons(self.commands, self)
         self._buttons.setVisible(is_main)
@@ -92,11 +97,6 @@ class View3D(QWidget):
         self._take_other()
 
     @property
-    def shown(self) -> Shown:
-        """What is shown."""
-        return self._shown
-
-    @property
     def viewpoint(self) -> Viewpoint:
         """Where the viewer stands."""
         return self._camera.canvas.viewpoint
@@ -108,13 +108,13 @@ class View3D(QWidget):
 
     def set_shown(self, shown: Shown) -> None:
         """Show other parts."""
-        if shown == self._shown:
+        if shown == self.shown:
             return
-        if shown.up != self._shown.up:
+        if shown.up != self.shown.up:
             self._camera.point_up(shown.up)
-        if shown.follow != self._shown.follow:
+        if shown.follow != self.shown.follow:
             self._camera.follow(self._session.frame if shown.follow else None)
-        self._shown = shown
+        self.shown = shown
         self.shown_changed.emit(shown)
         self.update()
 
@@ -134,11 +134,11 @@ class View3D(QWidget):
 
     def hide_markers(self, names: Iterable[str]) -> None:
         """Hide some markers, by their names, and show all others; limbs without any shown marker are hidden, too."""
-        self.set_shown(replace(self._shown, hidden=tuple(sorted(names))))
+        self.set_shown(replace(self.shown, hidden=tuple(sorted(names))))
 
     def hide_selected(self) -> None:
         """Hide the selected markers and limbs."""
-        self.hide_markers({*self._shown.hidden, *self._selected_names()})
+        self.hide_markers({*self.shown.hidden, *self._selected_names()})
 
     def isolate_selected(self) -> None:
         """Show nothing but the selected markers and limbs."""
@@ -213,8 +213,8 @@ class View3D(QWidget):
     def paintEvent(self, event: QPaintEvent) -> None:
         """Paint the frame."""
         canvas = self._camera.canvas_at(self._session.frame)
-        floor = self._camera.floor if self._shown.floor else None
-        frustums = self._frustums if self._shown.cameras else NO_FRUSTUMS
+        floor = self._camera.floor if self.shown.floor else None
+        frustums = self._frustums if self.shown.cameras else NO_FRUSTUMS
         with QPainter(self) as painter:
             painter.setRenderHint(QPainter.RenderHint.Antialiasing)
             if self._renderer is None or self._renderer.ratio != self.devicePixelRatioF():
@@ -346,8 +346,8 @@ class View3D(QWidget):
     def _paint_scenes(
         self, painter: QPainter, renderer: Renderer, canvas: Canvas, floor: Floor | None
     ) -> tuple[Snapshot, Picture] | None:
-        view, scene, other = FrameView(self._session.frame, canvas, self._shown), self._camera.scene, self._other
-        if other is not None and self._shown.other and view.frame < other.n_frames:
+        view, scene, other = FrameView(self._session.frame, canvas, self.shown), self._camera.scene, self._other
+        if other is not None and self.shown.other and view.frame < other.n_frames:
             renderer.paint_other(painter, other, view)
         if scene is None or view.frame >= scene.n_frames:
             return None
@@ -356,11 +356,11 @@ class View3D(QWidget):
     def _legend(self) -> str:
         """Say how large the grid's cells and the ellipsoids are."""
         scene, floor, parts = self._camera.scene, self._camera.floor, []
-        if floor is not None and self._shown.floor:
+        if floor is not None and self.shown.floor:
             parts.append(self.tr("grid {spacing:g} mm").format(spacing=floor.spacing))
-        has_ellipsoids = self._shown.uncertainty or self._session.selection.joint is not None
+        has_ellipsoids = self.shown.uncertainty or self._session.selection.joint is not None
         if has_ellipsoids and scene is not None and scene.project.has("skeleton"):
-            times = self._shown.magnification or scene.magnification
+            times = self.shown.magnification or scene.magnification
             parts.append(self.tr("ellipsoids {times} × std").format(times=times))
         return "   ".join(parts)
 
