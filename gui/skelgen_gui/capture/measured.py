@@ -155,14 +155,12 @@ class ViewList(ValueTable):
         fits : mapping of str to Fit
             How well views fit, by their names, where that is known.
         """
-        views = tuple(views)
-        if views != self._views:
-            self._views = views
-            self.show_names([view.name for view in views])
-        for row, view in enumerate(views):
+        self._views, rows = tuple(views), []
+        for view in views:
             left, right, is_used = fits.get(view.name, (math.nan, math.nan, None))
             used = "" if is_used is None else self.tr("yes") if is_used else self.tr("no")
-            self.show_row(row, (self._cell(view.left, left), self._cell(view.right, right), used))
+            rows.append((view.name, self._cell(view.left, left), self._cell(view.right, right), used))
+        self.show_rows(rows)
         if views:
             self.scrollToBottom()
 
@@ -294,18 +292,12 @@ class MotionTable(RowTable):
 
     def show_motions(self, motions: Sequence[JointMotion]) -> None:
         """Show motions; the rows stay while their numbers change."""
-        names = [(motion.parent, motion.child) for motion in motions]
-        is_other = names != [(motion.parent, motion.child) for motion in self._motions]
         self._motions = tuple(motions)
         rows = []
         for motion in motions:
             turned = " · ".join(f"{span:.0f}" for span in motion.spans) if motion.n_frames else ""
             rows.append((f"{motion.parent} – {motion.child}", str(motion.n_frames), turned))
-        if is_other:
-            self.show_rows(rows)
-            return
-        for row, (_, *texts) in enumerate(rows):
-            self.show_row(row, texts)
+        self.show_rows(rows)
 
 
 class TurnView(_PicturePair):

@@ -36,6 +36,7 @@ _EXACT = 1e15  # whole numbers below are shown with all their digits
 _FINENESS = 1  # a step changes the second digit of a number: 0.8 -> 0.81, 100 -> 110
 _STEP_FROM_ZERO = 0.1
 
+_WORDS = read_table(__file__, "words")
 _MOST = 100_000  # the largest number that can be given
 
 
@@ -355,9 +356,7 @@ class FoundOrGiven(QWidget):
 
 def title_of(declaration: Declaration) -> str:
     """Return what a parameter is called in a form."""
-    title = read_table(__file__, "words")["parameters"].get(
-        declaration.name, declaration.name.replace("_", " ").capitalize()
-    )
+    title = _WORDS["parameters"].get(declaration.name, declaration.name.replace("_", " ").capitalize())
     return QCoreApplication.translate("Parameters", title)
 
 
@@ -371,8 +370,6 @@ def choice_of(declaration: Declaration, choice: str) -> str:
     choice : str
         Its name in files.
     """
-    is_of_stage = (
-        declaration.name in read_table(__file__, "words")["parameters"]
-    )  # other forms use some of these words otherwise
-    words = read_table(__file__, "words")["choices"].get(choice, choice) if is_of_stage else choice
+    is_of_stage = declaration.name in _WORDS["parameters"]  # other forms use some of these words otherwise
+    words = _WORDS["choices"].get(choice, choice) if is_of_stage else choice
     return QCoreApplication.translate("Parameters", words)
