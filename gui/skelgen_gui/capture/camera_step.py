@@ -214,8 +214,8 @@ class CameraStep(Step[BoardShot]):
         """Enable what can be done now."""
         super().follow()
         is_busy, has_views = self._jobs.is_busy, bool(self.collection.views)
-        describe(self.go, self.tr("Stop looking") if self.is_collecting else self.tr("Look for the board"))
-        self.take.setEnabled(self.is_collecting)
+        describe(self.go, self.tr("Stop looking") if self.is_running else self.tr("Look for the board"))
+        self.take.setEnabled(self.is_running)
         self.form.setEnabled(not is_busy)
         self.clear.setEnabled(has_views)
         self.remove.setEnabled(bool(self.views.selected_views))

@@ -25,7 +25,6 @@ from skelgen.app.capture_jobs.images import CameraImage
 from skelgen.app.capture_jobs.messages import (
     CaptureControl,
     CaptureEnd,
-    Feed,
     FoundInSpace,
     LiveShot,
     TargetShot,
@@ -40,6 +39,7 @@ from skelgen_gui.capture.pictures import Pictures
 from skelgen_gui.capture.results import AngleTable, BodyTable, Notices, Numbers
 from skelgen_gui.capture.room_step import RoomStep
 from skelgen_gui.capture.space import Space
+from skelgen_gui.capture.steps import JobPanel
 from skelgen_gui.capture.target_steps import JointStep, TargetStep
 from skelgen_gui.project.context import Context
 from skelgen_gui.project.jobs import Jobs
@@ -54,13 +54,11 @@ _NUMBERED = re.compile(r"(.*)-(\d+)")
 _SUFFIX = ".mfml"
 
 
-class LivePanel(QWidget):
+class LivePanel(JobPanel[LiveShot]):
     """Runs a capture as a job, and shows its numbers.
 
     Signals
     -------
-    shot(LiveShot)
-        The newest images and what was found in them.
     ended(CaptureEnd)
         A capture ended.
     open_wanted(Path)
@@ -68,42 +66,25 @@ class LivePanel(QWidget):
 
     Parameters
     ----------
-    jobs : Jobs
-        Where captures run.
-    report_error : callable (error)
-        Shows faults that nobody foresaw.
-    parent : QWidget, optional
-        Parent widget.
+    jobs, report_error, parent
+        As of `JobPanel`.
     """
 
-    shot = Signal(object)
     ended = Signal(object)
     open_wanted = Signal(object)
-    _arrived = Signal()
 
     def __init__(self, jobs: Jobs, report_error: Callable[[Exception], None], parent: QWidget | None = None) -> None:
-        super().__init__(parent)
-        self._jobs, self._report_error = jobs, report_error
-        self._control: CaptureControl | None = None
-        self.feed: Feed[LiveShot] = Feed(self._arrived.emit)
+        super().__init__(jobs, report_error, parent)
         self.choice, self.go = LiveChoice(self), QPushButton(self)
         self.recorder = _RecordRow(self)
         self.numbers, self.angles, self.bodies = Numbers(self), AngleTable(self), BodyTable(self)
         self.notices = Notices(self)
         self._lay_out()
-        self._arrived.connect(self._show_newest)
-        self.go.clicked.connect(lambda: self.stop() if self.is_running else self.start())
         self.choice.start_wanted.connect(self.start)
         self.recorder.changed.connect(self._set_recording)
         self.recorder.open_wanted.connect(self.open_wanted)
-        jobs.begun.connect(self._follow)
-        jobs.ended.connect(self._follow)
-        self._follow()
-
-    @property
-    def is_running(self) -> bool:
-        """Whether a capture runs."""
-        return self._control is not None
+        self.listen()
+        self.follow()
 
     def start(self) -> None:
         """Start a capture as the form says, unless something runs."""
@@ -119,18 +100,14 @@ class LivePanel(QWidget):
 
             return LiveCapture(options, control, feed, running).run(monitor)
 
-        self._control = control
         self.notices.clear()
         self.numbers.setText(loading)
-        if not self._jobs.start(running, work, self._finish, self._fail):
-            self._control = None
-        self._follow()
+        self.collect(running, control, work, self._finish)
 
     def stop(self) -> None:
         """Let the capture end after these images."""
-        if self._control is not None:
-            self._control.stop.set()
-            self.go.setEnabled(False)
+        super().stop()
+        if self.is_running:
             self.go.setText(self.tr("Stopping…"))
 
     def _lay_out(self) -> None:
@@ -147,7 +124,8 @@ class LivePanel(QWidget):
         if self._control is not None:
             self._control.record = target
 
-    def _show_newest(self) -> None:
+    def show_newest(self) -> None:
+        """Show the newest images and numbers, and what is to be known."""
         newest, notices = self.feed.take()
         for sentence in notices:
             self.notices.add(sentence)
@@ -157,10 +135,11 @@ class LivePanel(QWidget):
             self.bodies.show_shot(newest)
             self.shot.emit(newest)
 
-    def _finish(self, ended: CaptureEnd) -> None:
-        self._control = None
-        self._show_newest()
+    def _finish(self, ended: CaptureEnd | None) -> None:
         self.recorder.record.setChecked(False)
+        if ended is None:  # cancelled before it began
+            self.numbers.clear()
+            return
         if ended.recorded:
             self.recorder.recorded = ended.recorded[-1].path
         for recorded in ended.recorded:
@@ -169,27 +148,20 @@ class LivePanel(QWidget):
             self.notices.add(str(ended.error))
         counts = self.tr("{0} frames captured, {1} dropped.").format(ended.n_frames, ended.n_dropped)
         self.numbers.setText(self.tr("The capture broke off. {0}").format(counts) if ended.error else counts)
-        self._follow()
         self.ended.emit(ended)
 
-    def _fail(self, error: Exception) -> None:
+    def show_failure(self, error: Exception) -> None:
         """Report an error that nobody foresaw; what was recorded stays whole."""
-        self._control = None
         self.recorder.record.setChecked(False)
         self.numbers.clear()
-        self._follow()
         self._report_error(error)
 
-    def _follow(self) -> None:
+    def follow(self) -> None:
         """Enable what can be done now."""
-        if not self._jobs.is_busy:
-            self._control = None  # a capture that was cancelled before it began does not report its end
-        is_running = self.is_running
-        self.go.setText(self.tr("Stop") if is_running else self.tr("Start"))
-        describe(self.go, self.tr("Stop the capture") if is_running else self.tr("Start the capture"))
-        self.go.setEnabled(is_running or not self._jobs.is_busy)
+        super().follow()
+        describe(self.go, self.tr("Stop the capture") if self.is_running else self.tr("Start the capture"))
         self.choice.setEnabled(not self._jobs.is_busy)
-        self.recorder.set_running(is_running)
+        self.recorder.set_running(self.is_running)
 
 
 class _RecordRow(QWidget):

@@ -147,7 +147,7 @@ class RoomStep(Step[WandShot]):
         """Enable what can be done now."""
         super().follow()
         is_free = not self._jobs.is_busy
-        describe(self.go, self.tr("Stop waving") if self.is_collecting else self.tr("Wave the wand"))
+        describe(self.go, self.tr("Stop waving") if self.is_running else self.tr("Wave the wand"))
         self.form.setEnabled(is_free)
         self.calibrate.setEnabled(is_free and bool(self._collectors))
         self.floor.setEnabled(is_free and self.found is not None)

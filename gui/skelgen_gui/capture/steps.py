@@ -25,26 +25,13 @@ _Shot = TypeVar("_Shot")
 _ProgressT = TypeVar("_ProgressT")
 
 
-class Step(QWidget, Generic[_Shot]):
-    """One step: a button that starts and stops, a sentence on how far it is, a verdict.
+class JobPanel(QWidget, Generic[_Shot]):
+    """A job that takes images until it is told to stop, with the button `go` that starts and stops it.
 
     Signals
     -------
     shot(object)
-        The newest pair of images, and what was found in it.
-    saved(object)
-        Settings were written; their path.
-
-    Attributes
-    ----------
-    go : QPushButton
-        Starts and stops.
-    state : QLabel
-        How far it is.
-    verdict : VerdictLabel
-        What came out, or what is wrong.
-    results : tuple of QWidget
-        What shows the numbers of it.
+        The newest images, and what was found in them.
 
     Parameters
     ----------
@@ -57,62 +44,51 @@ class Step(QWidget, Generic[_Shot]):
     """
 
     shot = Signal(object)
-    saved = Signal(object)
     _arrived = Signal()
+    go: QPushButton
 
     def __init__(self, jobs: Jobs, report_error: Callable[[Exception], None], parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._jobs, self._report_error = jobs, report_error
         self._control: CaptureControl | None = None
         self.feed: Feed[_Shot] = Feed(self._arrived.emit)
-        self.go, self.state, self.verdict = QPushButton(self), QLabel(self), VerdictLabel(self)
-        wrap(self.state, self.tr("How far it is"))
-        self.results: tuple[QWidget, ...] = ()
-        self._area = QScrollArea(self)
         self._arrived.connect(self.show_newest)
-        self.go.clicked.connect(lambda: self.stop() if self.is_collecting else self.start())
-        jobs.begun.connect(self.follow)
-        jobs.ended.connect(self.follow)
+
+    def listen(self) -> None:
+        """Follow the button, and all jobs."""
+        self.go.clicked.connect(lambda: self.stop() if self.is_running else self.start())
+        self._jobs.begun.connect(self.follow)
+        self._jobs.ended.connect(self.follow)
 
     @property
-    def is_collecting(self) -> bool:
-        """Whether images are being collected."""
+    def is_running(self) -> bool:
+        """Whether images are being taken."""
         return self._control is not None
 
     @abstractmethod
     def start(self) -> None:
-        """Collect images as the form says, unless something runs."""
+        """Take images as the form says, unless something runs."""
 
     @abstractmethod
     def show_newest(self) -> None:
-        """Show the newest pair of images."""
+        """Show the newest images."""
+
+    @abstractmethod
+    def show_failure(self, error: Exception) -> None:
+        """Show what broke the job off."""
 
     def follow(self) -> None:
         """Enable what can be done now."""
         if not self._jobs.is_busy:
             self._control = None  # a job that was cancelled before it began does not report its end
-        self.go.setText(self.tr("Stop") if self.is_collecting else self.tr("Start"))
-        self.go.setEnabled(self.is_collecting or not self._jobs.is_busy)
+        self.go.setText(self.tr("Stop") if self.is_running else self.tr("Start"))
+        self.go.setEnabled(self.is_running or not self._jobs.is_busy)
 
     def stop(self) -> None:
-        """End after this pair."""
+        """End after these images."""
         if self._control is not None:
             self._control.stop.set()
             self.go.setEnabled(False)
-
-    def run(self, title: str, work: Callable[[Monitor], _T], done: Callable[[_T], None]) -> None:
-        """Do some work as a job; an error is shown where the verdict stands.
-
-        Parameters
-        ----------
-        title : str
-            Progress is reported under this name.
-        work : callable (monitor) -> result
-            Runs on another thread.
-        done : callable (result)
-            Is called in the window's thread.
-        """
-        self._jobs.start(title, work, done, self._fail)
 
     def collect(
         self, title: str, control: CaptureControl, work: Callable[[Monitor], _T], done: Callable[[_T | None], None]
@@ -148,6 +124,62 @@ class Step(QWidget, Generic[_Shot]):
             self._control = None
         self.follow()
 
+    def _fail(self, error: Exception) -> None:
+        self._control = None
+        self.show_newest()
+        self.show_failure(error)
+        self.follow()
+
+
+class Step(JobPanel[_Shot]):
+    """One step of a calibration: a button that starts and stops, a sentence on how far it is, a verdict.
+
+    Signals
+    -------
+    saved(object)
+        Settings were written; their path.
+
+    Attributes
+    ----------
+    go : QPushButton
+        Starts and stops.
+    state : QLabel
+        How far it is.
+    verdict : VerdictLabel
+        What came out, or what is wrong.
+    results : tuple of QWidget
+        What shows the numbers of it.
+
+    Parameters
+    ----------
+    jobs, report_error, parent
+        As of `JobPanel`.
+    """
+
+    saved = Signal(object)
+
+    def __init__(self, jobs: Jobs, report_error: Callable[[Exception], None], parent: QWidget | None = None) -> None:
+        super().__init__(jobs, report_error, parent)
+        self.go, self.state, self.verdict = QPushButton(self), QLabel(self), VerdictLabel(self)
+        wrap(self.state, self.tr("How far it is"))
+        self.results: tuple[QWidget, ...] = ()
+        self._area = QScrollArea(self)
+        self.listen()
+
+    def run(self, title: str, work: Callable[[Monitor], _T], done: Callable[[_T], None]) -> None:
+        """Do some work as a job; an error is shown where the verdict stands.
+
+        Parameters
+        ----------
+        title : str
+            Progress is reported under this name.
+        work : callable (monitor) -> result
+            Runs on another thread.
+        done : callable (result)
+            Is called in the window's thread.
+        """
+        self._jobs.start(title, work, done, self._fail)
+
     def asked_settings(self, proposed: str) -> Path | None:
         """Ask where to save the settings, beginning with a proposed file; None if the user cancels."""
         title, kinds = self.tr("Save the settings of the capture"), self.tr("Settings (*.xml)")
@@ -168,15 +200,13 @@ class Step(QWidget, Generic[_Shot]):
         self._area.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         bare_column(self, [scrolled(parts, self._area, has_margin=True)])
 
-    def _fail(self, error: Exception) -> None:
-        self._control = None
-        self.show_newest()
+    def show_failure(self, error: Exception) -> None:
+        """Say where the verdict stands what is wrong with images or forms; report what nobody foresaw."""
         if isinstance(error, SkelgenError):
             self.verdict.show_problem(str(error))
             self.show_end()
         else:
             self._report_error(error)
-        self.follow()
 
 
 class _Calibration(Protocol):
@@ -332,7 +362,7 @@ class AddingStep(Step[TargetShot[_ProgressT]], Generic[_CollectorT, _Calibration
         """Enable what can be done now."""
         super().follow()
         is_busy = self._jobs.is_busy
-        describe(self.go, self.tr("Stop and calibrate") if self.is_collecting else self.tr("Take pairs of images"))
+        describe(self.go, self.tr("Stop and calibrate") if self.is_running else self.tr("Take pairs of images"))
         self.form.setEnabled(not is_busy)
         collector = self._collector
         self.calibrate.setEnabled(collector is not None and collector.settings is not None and not is_busy)
