@@ -31,9 +31,9 @@ from skelgen_gui.project.outline import Outline
 from skelgen_gui.project.recovery import Autosave, RecoveryEntry
 from skelgen_gui.project.session import Document, Session
 from skelgen_gui.timeline.marker_curves import MarkerCurves
+from skelgen_gui.timeline.player import VideoPane
 from skelgen_gui.timeline.plot_view import Curves
 from skelgen_gui.timeline.timeline import Timeline
-from skelgen_gui.timeline.video import VideoPane
 from skelgen_gui.view3d.four_views import FourViews
 from skelgen_gui.view3d.view import View3D
 from skelgen_gui.widgets.errors import ErrorReporter

@@ -26,8 +26,8 @@ from skelgen.errors import SkelgenError
 from skelgen.files import read_table
 from skelgen.model import Project
 from skelgen.model.corrections import Correction
-from skelgen_gui.model.offers import Offer, new_name, offers
 from skelgen_gui.model.selection import Selection
+from skelgen_gui.model.wording import Offer, new_name, offers
 from skelgen_gui.project.context import Runner
 from skelgen_gui.project.deriving import Deriver
 from skelgen_gui.project.session import Document, Session

@@ -10,9 +10,8 @@ from PySide6.QtWidgets import QAbstractItemView, QLineEdit, QTreeWidget, QTreeWi
 from skelgen.app.drawing.wording import whole_percent
 from skelgen.model import Project
 from skelgen.model.corrections import Correction
-from skelgen_gui.model.offers import ends_of_joint, naming_markers
 from skelgen_gui.model.selection import Selection
-from skelgen_gui.model.wording import joint_words, limb_words
+from skelgen_gui.model.wording import ends_of_joint, joint_words, limb_words, naming_markers
 from skelgen_gui.project.corrections import CorrectionActions
 from skelgen_gui.project.deriving import PanelWhileSeen
 from skelgen_gui.project.session import Session
