@@ -3,7 +3,7 @@
 from functools import partial
 
 import numpy as np
-from PySide6.QtCore import QEvent, QPointF, QRectF, QSize, Qt
+from PySide6.QtCore import QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import (
     QContextMenuEvent,
     QFontMetricsF,
@@ -12,7 +12,6 @@ from PySide6.QtGui import (
     QPainter,
     QPaintEvent,
     QPalette,
-    QPen,
     QPixmap,
     QResizeEvent,
     QWheelEvent,
@@ -31,12 +30,10 @@ from skelgen_gui.widgets.layouts import put_texts
 from skelgen_gui.widgets.painting import (
     blended,
     colour_of_limb,
-    cursor_colour,
     doubt_colour,
     paint_words,
     pixmap_of,
     rgb_of,
-    show_tip,
 )
 
 _LANE = 16  # px, height of a lane
@@ -105,10 +102,6 @@ class LaneView(SpanView):
         """
         return QPointF(self._x_of(frame + 0.5), _LANE * (lane + 0.5) - self._bar.value())
 
-    def event(self, event: QEvent) -> bool:
-        """Describe what lies under the pointer."""
-        return show_tip(self, event, self.tip_at) or super().event(event)
-
     def tip_at(self, place: QPointF) -> str:
         """Describe a place: the marker, and how it is known in the frame there."""
         lane, project = self._lane_at(place.y()), self._lanes_of
@@ -171,10 +164,8 @@ class LaneView(SpanView):
                 self._paint_names(painter, self.lanes, shown, self._lanes_of)
             else:
                 self._paint_nothing(painter)
-            if self._session.n_frames and GUTTER <= self._x_of(self._session.frame + 0.5) <= self.width() - MARGIN:
-                painter.setPen(QPen(cursor_colour(self.palette()), 1.0))
-                x = round(self._x_of(self._session.frame + 0.5))
-                painter.drawLine(x, 0, x, self.height())
+            if self._session.n_frames:
+                self.paint_cursor(painter, self.height())
 
     def _follow_project(self) -> None:
         """Derive lanes; until they are there, those of an earlier result of the same take stay."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 from functools import partial
 
 import numpy as np
-from PySide6.QtCore import QEvent, QPointF, QRectF, QSize, Qt
+from PySide6.QtCore import QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import (
     QColor,
     QFont,
@@ -35,11 +35,9 @@ from skelgen_gui.widgets.painting import (
     blended,
     colour_of_limb,
     component_colour,
-    cursor_colour,
     draw_lines,
     is_dark,
     paint_words,
-    show_tip,
 )
 
 _GAP = 6.0  # px between panels
@@ -94,10 +92,6 @@ class PlotView(SpanView):
         height = (self.height() + _GAP) / max(count, 1) - _GAP
         return QRectF(GUTTER, index * (height + _GAP), self._plot_width, height)
 
-    def event(self, event: QEvent) -> bool:
-        """Describe what lies under the pointer."""
-        return show_tip(self, event, self.tip_at) or super().event(event)
-
     def tip_at(self, place: QPointF) -> str:
         """Return the values of the frame at a place, and what the panel's note says."""
         rooms = (self.panel_rect(index) for index in range(len(self.panels)))
@@ -126,10 +120,8 @@ class PlotView(SpanView):
             frame = self._session.frame
             for index, panel in enumerate(self.panels):
                 paint_legend(painter, panel, frame, self.panel_rect(index), self.palette())
-            x = round(self._x_of(frame + 0.5))
-            if self.panels and GUTTER <= x <= self.width() - MARGIN:
-                painter.setPen(QPen(cursor_colour(self.palette()), 1.0))
-                painter.drawLine(x, 0, x, round(self.panel_rect(len(self.panels) - 1).bottom()))
+            if self.panels:
+                self.paint_cursor(painter, round(self.panel_rect(len(self.panels) - 1).bottom()))
             if self.hint:
                 room = self.panel_rect(len(self.panels)) if self.panels else QRectF(self.rect())
                 paint_words(painter, room, self.hint, self.palette())

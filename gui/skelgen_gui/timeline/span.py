@@ -2,12 +2,12 @@
 
 import math
 
-from PySide6.QtCore import QObject, Qt, Signal
-from PySide6.QtGui import QKeyEvent, QWheelEvent
+from PySide6.QtCore import QEvent, QObject, QPointF, Qt, Signal
+from PySide6.QtGui import QKeyEvent, QPainter, QPen, QWheelEvent
 from PySide6.QtWidgets import QWidget
 
 from skelgen_gui.project.session import Session
-from skelgen_gui.widgets.painting import ZOOM, notches
+from skelgen_gui.widgets.painting import ZOOM, cursor_colour, notches, show_tip
 
 _FEWEST_FRAMES = 8.0  # frames that are shown at the largest zoom
 
@@ -179,6 +179,29 @@ class SpanView(QWidget):
         """The frame at a place [px]; beyond the ends the first or last of the take."""
         frame = math.floor(self._span.first + (x - GUTTER) * (self._span.end - self._span.first) / self._plot_width)
         return min(max(frame, 0), max(self._session.n_frames, 1) - 1)
+
+    def paint_cursor(self, painter: QPainter, bottom: int) -> None:
+        """Paint the line of the frame that is shown, where it is in sight.
+
+        Parameters
+        ----------
+        painter : QPainter
+            An active painter.
+        bottom : int, px
+            Where the line ends.
+        """
+        x = round(self._x_of(self._session.frame + 0.5))
+        if GUTTER <= x <= self.width() - MARGIN:
+            painter.setPen(QPen(cursor_colour(self.palette()), 1.0))
+            painter.drawLine(x, 0, x, bottom)
+
+    def tip_at(self, place: QPointF) -> str:
+        """Describe what lies at a place; by default what the whole is."""
+        return self.toolTip()
+
+    def event(self, event: QEvent) -> bool:
+        """Describe what lies under the pointer."""
+        return show_tip(self, event, self.tip_at) or super().event(event)
 
     def wheelEvent(self, event: QWheelEvent) -> None:
         """Zoom about the pointer; pan with Shift, Alt or a sideways wheel."""
