@@ -18,7 +18,7 @@ from skelgen.app.capture_jobs.images import (
     is_new,
     is_steady,
 )
-from skelgen.app.capture_jobs.live import open_stream, source_of_text, warm_up
+from skelgen.app.capture_jobs.live import open_stream, warm_up
 from skelgen.app.capture_jobs.messages import (
     BoardShot,
     CaptureControl,
@@ -39,6 +39,7 @@ from skelgen.capture.room.calibrate import WandCalibration
 from skelgen.capture.room.points import detected_balls
 from skelgen.capture.room.sources import open_room_source
 from skelgen.capture.room.taking import WandTaking
+from skelgen.capture.sources import open_source
 from skelgen.capture.values import FoundBody, Image, JointRequest, StereoPoints
 from skelgen.errors import InputError
 from skelgen.model.rig import AnySettings, BodyTarget
@@ -121,7 +122,7 @@ class BoardCollector(_Collector[BoardShot]):
             If OpenCV is missing, or the source fails, or it shows no board at all; the views before are kept.
         """
         opencv()
-        with ThreadPoolExecutor(2, "board") as threads, source_of_text(self._source) as source:
+        with ThreadPoolExecutor(2, "board") as threads, open_source(self._source) as source:
             if any(view.size != source.size for view in self._views.views):
                 raise InputError("these images have another size than those of the views before: clear the views first")
             names: tuple[str, ...] = getattr(source, "names", ())  # of image files; others are counted
