@@ -11,7 +11,7 @@ from typing import Self
 
 from skelgen.capture.room.points import FrameSet, RoomSource
 from skelgen.capture.sources.options import CameraOptions, SourceText
-from skelgen.capture.sources.pairs import LiveCamera, LiveCameras, Opener, Shot, shared_rate
+from skelgen.capture.sources.pairs import LiveCamera, LiveCameras, Opener, Shot, lost_between, shared_rate
 from skelgen.errors import CaptureError
 
 EXAMPLES = {
@@ -64,7 +64,7 @@ class LiveSets(LiveCameras):
             shots = self._next()
             time = min(shot.time for shot in shots if shot is not None)
             first = time if first is None else first
-            lost = 0 if before is None or not self.rate else max(round((time - before) * self.rate) - 1, 0)
+            lost = lost_between(before, time, self.rate)
             before, index = time, index + 1 + lost
             images = tuple(None if shot is None else shot.image for shot in shots)
             yield FrameSet(images, time - first, index, lost)
