@@ -10,8 +10,8 @@ from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QDoubleSpinBox, QLabel, QPushButton, QSpinBox, QWidget
 
 from skelgen.app.capture import save_cameras
-from skelgen.app.capture_jobs.images import ENOUGH, CollectedView, ViewCollection, gaps
-from skelgen.app.capture_jobs.messages import BoardShot, CaptureControl, FoundInSpace
+from skelgen.app.capture_jobs.images import ENOUGH, CameraImage, CollectedView, ViewCollection, gaps
+from skelgen.app.capture_jobs.messages import CaptureControl, FoundInSpace
 from skelgen.capture.calibration.chessboard import Board
 from skelgen.progress import Monitor
 from skelgen_gui.capture.forms import ImageForm
@@ -31,7 +31,7 @@ _SIMULATED_BOARD = "simulated:board?paced=yes&rate=30&frames=1800"
 _MOST_CORNERS, _LARGEST_SQUARE = 40, 1000.0
 
 
-class CameraStep(Step[BoardShot]):
+class CameraStep(Step[tuple[CameraImage, ...]]):
     """Collects views, calibrates, says what the calibration is worth, and saves settings.
 
     Signals

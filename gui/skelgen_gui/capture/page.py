@@ -271,7 +271,7 @@ class CapturePage(QWidget):
         self.live.shot.connect(self.view.show_shot)
         self.live.open_wanted.connect(context.files.open)
         self.live.ended.connect(self._remember)
-        self.camera_step.shot.connect(lambda shot: self.view.pictures.show_pair(shot.left, shot.right))
+        self.camera_step.shot.connect(self.view.pictures.show_images)
         self.camera_step.calibrated.connect(self._show_calibrated)
         self.room.shot.connect(self._show_waved)
         self.room.calibrated.connect(self._show_calibrated)
@@ -299,7 +299,7 @@ class CapturePage(QWidget):
         progress = shot.progress
         covered = progress.covered >= LEAST_CORNERS
         titles = [f"{name}: {views}" for name, views in zip(progress.names, progress.n_views.tolist(), strict=True)]
-        self.view.pictures.show_all(shot.images, titles, tuple(covered))
+        self.view.pictures.show_images(shot.images, titles, tuple(covered))
 
     def _show_target(self, shot: TargetShot[BodyProgress] | TargetShot[JointProgress]) -> None:
         self.view.show_seen(shot.images, shot.rig, shot.found)
@@ -350,9 +350,6 @@ class _CaptureView(QSplitter):
         found : FoundInSpace
             Points and bodies.
         """
-        if isinstance(rig, CameraRig):
-            self.pictures.show_all(images, rig.names)
-        else:
-            self.pictures.show_pair(*images)
+        self.pictures.show_images(images, rig.names if isinstance(rig, CameraRig) else ())
         self.space.show_rig(rig)
         self.space.show_found(found)

@@ -20,7 +20,6 @@ from skelgen.app.capture_jobs.images import (
 )
 from skelgen.app.capture_jobs.live import open_stream, warm_up
 from skelgen.app.capture_jobs.messages import (
-    BoardShot,
     CaptureControl,
     CaptureOptions,
     Feed,
@@ -80,7 +79,7 @@ class _Collector(Generic[_Shot]):
                 return
 
 
-class BoardCollector(_Collector[BoardShot]):
+class BoardCollector(_Collector[tuple[CameraImage, ...]]):
     """Looks for a board in all pairs of a source, and keeps the views that are worth it.
 
     Pictures that were taken one by one (whose rate nobody knows) are all kept, so that the verdict can name those that
@@ -101,7 +100,12 @@ class BoardCollector(_Collector[BoardShot]):
     """
 
     def __init__(
-        self, source: str, board: Board, views: ViewCollection, control: CaptureControl, feed: Feed[BoardShot]
+        self,
+        source: str,
+        board: Board,
+        views: ViewCollection,
+        control: CaptureControl,
+        feed: Feed[tuple[CameraImage, ...]],
     ) -> None:
         super().__init__(control, feed)
         self._source, self._board, self._views = source, board, views
@@ -137,7 +141,7 @@ class BoardCollector(_Collector[BoardShot]):
                     self._views.add(now)
                 before = now
                 n_seen += left is not None or right is not None
-                self._feed.put(BoardShot(_copied(pair.left, left), _copied(pair.right, right)))
+                self._feed.put((_copied(pair.left, left), _copied(pair.right, right)))
             if before is not None and not n_seen and not self._control.stop.is_set():
                 raise InputError(absence((pair.left, pair.right), self._board))
 
@@ -355,8 +359,8 @@ class WandCollector(_Collector[WandShot]):
         opencv()
         source = open_room_source(self._source)
         last: WandShot | None = None
-        with ThreadPoolExecutor(cpu_count() or 1, "images") as threads, ThreadPoolExecutor(1, "room") as looker:
-            taking = self.taking = WandTaking(source.cameras, self._distances, looker)
+        with ThreadPoolExecutor(cpu_count() or 1, "images") as threads, ThreadPoolExecutor(1, "room") as executor:
+            taking = self.taking = WandTaking(source.cameras, self._distances, executor)
             with source as sets:
                 for frame in self._until_stopped(enumerate(sets), source.n_frames, title, monitor):
                     views = list(threads.map(detected_balls, frame.images))

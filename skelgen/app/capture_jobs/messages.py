@@ -233,14 +233,6 @@ class CaptureEnd:
 
 
 @dataclass(frozen=True, eq=False)
-class BoardShot:
-    """What the window shows of one pair of images of a board."""
-
-    left: CameraImage
-    right: CameraImage
-
-
-@dataclass(frozen=True, eq=False)
 class TargetShot(Generic[_Progress]):
     """What the window shows of one pair of images while a target or joints are calibrated.
 
