@@ -99,8 +99,8 @@ def calibrate_room(
     from skelgen.capture.room.taking import WandTaking  # noqa: PLC0415
 
     source = open_room_source(waved)
-    with ThreadPoolExecutor(1, "room") as looker:
-        taking = WandTaking(source.cameras, wand, looker)
+    with ThreadPoolExecutor(1, "room") as executor:
+        taking = WandTaking(source.cameras, wand, executor)
         noticed = time.monotonic()
         for views, sizes in seen_in(source, detected_balls, monitor):
             taking.add(views, sizes)
