@@ -36,7 +36,6 @@ Fit = tuple[float, float, bool]
 """Distance [px] of the corners from where they are expected, left and right, and whether the view was used."""
 
 _LIST_HEIGHT = 130  # px: five views
-_TABLE_HEIGHT = 290  # px, of the table: all its rows
 
 
 class _PicturePair(QWidget):
@@ -202,29 +201,6 @@ class VerdictLabel(QLabel):
         self.setText(sentence)
 
 
-class CameraTable(ValueTable):
-    """The numbers of both cameras; hidden while there are none.
-
-    Parameters
-    ----------
-    parent : QWidget, optional
-        Parent widget.
-    """
-
-    def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
-        self.setFixedHeight(_TABLE_HEIGHT)
-        self.hide()
-
-    def show_calibration(self, found: StereoCalibration) -> None:
-        """Show what was found."""
-        from skelgen.capture.calibration.stereo import camera_rows  # noqa: PLC0415 - only where there is a result
-
-        self.show_rows(camera_rows(found))
-        self.show()
-
-
-_MOST_ROWS = 9
 _JOINT_ROWS = 3  # its name, and its place in both targets
 
 _STEP = 30.0  # degrees, between the rings
@@ -235,6 +211,8 @@ _ATTITUDE = 3.0  # px
 class RowTable(ValueTable):
     """A table as high as its rows, up to a limit; hidden while it has none."""
 
+    most_rows = 9
+
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.hide()
@@ -242,10 +220,22 @@ class RowTable(ValueTable):
     def show_rows(self, rows: Sequence[Sequence[str]]) -> None:
         """Show other rows, each a name and its numbers."""
         super().show_rows(rows)
-        n_shown = min(len(rows), _MOST_ROWS)
+        n_shown = min(len(rows), self.most_rows)
         height = self.horizontalHeader().sizeHint().height() + 2 * self.frameWidth()
         self.setFixedHeight(height + n_shown * self.verticalHeader().defaultSectionSize())
         self.setVisible(bool(rows))
+
+
+class CameraTable(RowTable):
+    """The numbers of both cameras."""
+
+    most_rows = 20
+
+    def show_calibration(self, found: StereoCalibration) -> None:
+        """Show what was found."""
+        from skelgen.capture.calibration.stereo import camera_rows  # noqa: PLC0415 - only where there is a result
+
+        self.show_rows(camera_rows(found))
 
 
 class BallTable(RowTable):
