@@ -4,13 +4,12 @@ from abc import abstractmethod
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Generic, Protocol, TypeVar
+from typing import TYPE_CHECKING, Generic, TypeVar
 
 from PySide6.QtCore import Qt, QTimer, Signal
 from PySide6.QtWidgets import QFileDialog, QLabel, QLayout, QPushButton, QScrollArea, QWidget
 
 from skelgen.app.capture_jobs.messages import CaptureControl, Feed, TargetShot
-from skelgen.capture.calibration.verdict import Verdict
 from skelgen.errors import Cancelled, SkelgenError
 from skelgen.model.rig import AnySettings
 from skelgen.progress import Monitor
@@ -18,6 +17,11 @@ from skelgen_gui.capture.forms import SourceForm
 from skelgen_gui.capture.measured import VerdictLabel
 from skelgen_gui.project.jobs import Jobs
 from skelgen_gui.widgets.layouts import bare_column, describe, scrolled, wrap
+
+if TYPE_CHECKING:
+    from skelgen.app.capture_jobs.collecting import BodyCollector, JointCollector
+    from skelgen.capture.calibration.body import BodyCalibration
+    from skelgen.capture.calibration.joints import JointCalibration
 
 _T = TypeVar("_T")
 _Shot = TypeVar("_Shot")
@@ -209,20 +213,8 @@ class Step(JobPanel[_Shot]):
             self._report_error(error)
 
 
-class _Calibration(Protocol):
-    @property
-    def verdict(self) -> Verdict: ...
-
-
-class _Collector(Protocol):
-    @property
-    def settings(self) -> AnySettings | None: ...
-
-    def run(self, title: str, monitor: Monitor) -> None: ...
-
-
-_CollectorT = TypeVar("_CollectorT", bound=_Collector)
-_CalibrationT = TypeVar("_CalibrationT", bound=_Calibration)
+_CollectorT = TypeVar("_CollectorT", bound="BodyCollector | JointCollector")
+_CalibrationT = TypeVar("_CalibrationT", bound="BodyCalibration | JointCalibration")
 
 
 @dataclass(frozen=True)
