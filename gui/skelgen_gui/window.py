@@ -21,13 +21,12 @@ from skelgen_gui.model.view_state import ViewState
 from skelgen_gui.model.viewpoint import up_axis
 from skelgen_gui.page_stack import WIDTH, PageStack, Preloading
 from skelgen_gui.pages import PAGES
-from skelgen_gui.project.comparison import ComparisonPanel
 from skelgen_gui.project.context import Cameras, Context, PageEntry, Runner, view_of
 from skelgen_gui.project.corrections import CorrectionActions, CorrectionList
 from skelgen_gui.project.deriving import PanelWhileSeen
 from skelgen_gui.project.file_actions import FileActions
 from skelgen_gui.project.jobs import Jobs, StatusLine
-from skelgen_gui.project.outline import Outline
+from skelgen_gui.project.panels import ComparisonPanel, Outline
 from skelgen_gui.project.recovery import Autosave, RecoveryEntry
 from skelgen_gui.project.session import Document, Session
 from skelgen_gui.timeline.marker_curves import MarkerCurves

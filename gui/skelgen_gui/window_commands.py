@@ -20,7 +20,7 @@ from PySide6.QtWidgets import (
 
 from skelgen_gui.model.selection import Selection
 from skelgen_gui.page_stack import PageStack
-from skelgen_gui.pages.stage import StagePage
+from skelgen_gui.pages.steps import StagePage
 from skelgen_gui.project.context import Context
 from skelgen_gui.project.corrections import CorrectionActions
 from skelgen_gui.project.file_actions import RecentMenu, SampleMenu
