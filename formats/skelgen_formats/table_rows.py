@@ -7,11 +7,15 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 from skelgen.progress import counted
-from skelgen_formats.table_heads import Head
 from skelgen_formats.text import is_number, is_unseen, seconds_of, unquoted
+from skelgen_formats.title_lines import Head
 
-_COMMENTS = ("#", "%", "//")
+_COMMENTS, _MARKS = ("#", "%", "//"), "<*["  # the latter are no numbers, either
 _LONG_STEP = 1000  # frames; where more are missing, it does not matter how many
+
+
+FOLLOWING = "rows of several takes or people follow each other, and are taken as one; write each into a file of its own"
+"""A notice of several takes in a table, behind what tells."""
 
 
 def until_other_table(numbered: Iterable[tuple[int, str]], head: Head) -> Iterator[tuple[int, str]]:
@@ -103,7 +107,8 @@ def without_remarks(
     """
     left_out, is_counted = [], None
     for number, line in numbered:
-        cells = [] if is_counted is not None and not line[:1].isalpha() else line.split(delimiter)
+        is_word = line[:1].isalpha() or line[:1] in _MARKS
+        cells = [] if is_counted is not None and not is_word else line.split(delimiter)
         if line.startswith(_COMMENTS) or (cells and not _is_row(cells, count if is_counted else None)):
             left_out.append(f"{number}")
             continue
@@ -148,14 +153,14 @@ def with_seconds(numbered: Iterable[tuple[int, str]], head: Head) -> Iterator[tu
 
 
 def in_order(numbered: Iterable[tuple[int, str]], frames: int, head: Head, *, every: bool) -> Iterator[tuple[int, str]]:
-    """Yield lines; say once where frame numbers go back, as where takes or people follow each other, or leave some out.
+    """Yield lines; say once where frames or times go back, as takes follow each other, or leave some out.
 
     Parameters
     ----------
     numbered : iterable of (number, line)
         With all cells.
     frames : int
-        The column of frame numbers.
+        The column of frame numbers, or of times.
     head : Head
         Of the table; gets notices.
     every : bool
@@ -170,9 +175,9 @@ def in_order(numbered: Iterable[tuple[int, str]], frames: int, head: Head, *, ev
             steps[min(int(step), _LONG_STEP)] += 1
         yield number, line
     if back:
-        what = "rows of several takes or people follow each other, and are taken as one"
-        head.notices.append(f"frame numbers go back in line {back}: {what}")
-    elif every:
+        what = "frame numbers" if frames == head.frames else "times"
+        head.notices.append(f"{what} go back in line {back}: {FOLLOWING}")
+    elif every and frames == head.frames:
         notice_skipped(steps, head.notices)
 
 

@@ -51,6 +51,7 @@ _FLAG = re.compile(
     re.IGNORECASE,
 )
 _IS_ANGLE = re.compile(r".*(?:euler|rotvec|rot|rotation|ori|orientation)[ _.:-]?[xyz]", re.IGNORECASE)
+_AXIS_WORD = "axis|coord(?:inate)?|koordinate|achse|座標|坐标|좌표"
 _VERSION = r"3d|filt\w*|smooth\w*|interp\w*|raw"
 _NO_NAME = rf"(?:{_LENGTH}|std\w*|err\w*|{_VERSION})"
 _SPELT = (
@@ -58,8 +59,10 @@ _SPELT = (
     (re.compile(r"([pq])(?:_[A-Z]{1,3}){1,3}_([wxyz](?: \[m\])?)(?: \[\])?"), r"\1_\2"),
     (re.compile(r"\('?(.{1,200}?)'?[, ]{1,3}'(.{1,20})'\)"), r"\1_\2"),  # ('knee', 'x') of pandas
     (re.compile(rf"{_PLACE_WORD}([xyz]){BETWEEN}(?!{_NO_NAME}$)(\w.{{0,200}})", re.IGNORECASE), r"\2_\1"),  # Pos_X_knee
-    (re.compile(r"(.*?(?<![a-z])[xyz])[-_ ]?(?:axis|coord(?:inate)?|koordinate|achse)(\W.*)?", re.IGNORECASE), r"\1\2"),
+    (re.compile(rf"(.*?(?<![a-z])[xyz])[-_ ]?(?:{_AXIS_WORD})(\W.*)?", re.IGNORECASE), r"\1\2"),
     (re.compile(rf"(.+{BETWEEN}[xyz]){BETWEEN}(?:{_VERSION})", re.IGNORECASE), r"\1"),
+    (re.compile(rf"(.+{BETWEEN})([xyz]){BETWEEN}(l|r|left|right)", re.IGNORECASE), r"\1\3_\2"),  # knee_x_L
+    (re.compile(r"(.+?) ?\[[#-]?\]"), r"\1"),  # Sensor 1 Q0 []
     (re.compile(r"(t[xyz])_([a-z]\w{2,200})", re.IGNORECASE), r"\2_\1"),  # tx_left_wrist_device of Aria
     (re.compile(rf"([wxyz]){BETWEEN}(position|rotation|orientation)(\W.*)?", re.IGNORECASE), r"\2_\1\3"),
 )

@@ -43,7 +43,7 @@ from skelgen_formats.options import (
     Options,
 )
 from skelgen_formats.row_owners import Turns, without_copies
-from skelgen_formats.table_heads import HEAD_LINES, Head, find_head, in_one_line
+from skelgen_formats.table_heads import HEAD_LINES, find_head
 from skelgen_formats.table_rows import (
     in_order,
     padded_rows,
@@ -54,6 +54,7 @@ from skelgen_formats.table_rows import (
 )
 from skelgen_formats.text import parse_rows, rate_in
 from skelgen_formats.time_stamps import Stamps, since_first
+from skelgen_formats.title_lines import Head, in_one_line
 from skelgen_formats.turn_titles import AXES
 
 ASSUMED_RATE = 100.0
@@ -139,8 +140,8 @@ def _numbers_of(
     whole = padded_rows(numbers, len(lines), head.n_cells, head.delimiter, head.notices)
     if head.owners:
         whole = turns.noted(whole, head)
-    elif head.frames is not None:
-        whole = in_order(whole, head.frames, head, every=not lines.is_sampled)
+    elif head.counts is not None:
+        whole = in_order(whole, head.counts, head, every=not lines.is_sampled)
     rows = parse_rows(path, with_seconds(whole, head), head.n_cells, head.delimiter, [*wanted, *times])
     if not head.clock:
         return rows, None
