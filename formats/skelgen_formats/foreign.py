@@ -35,7 +35,10 @@ def table_hint(head: bytes) -> str:
     head : bytes
         Its beginning.
     """
-    lines = [line for line in decoded_head(head).splitlines()[:_TITLE_LINES] if line.strip()]
+    text = decoded_head(head)
+    if "\0" in text:
+        return str(_known()["sentences"]["binary"])
+    lines = [line for line in text.splitlines()[:_TITLE_LINES] if line.strip()]
     rows = [[cell.strip(' "') for cell in _CELLS.split(line)] for line in lines]
     if not any(len(row) > 1 for row in rows):
         return ""

@@ -119,7 +119,7 @@ def with_row_names(rows: list[list[str]]) -> list[list[str]]:
     """
     width = len(rows[-1]) if rows else 0
     first = next((at for at in range(len(rows), 0, -1) if len(rows[at - 1]) != width), 0)
-    counted = [row[0] for row in rows[first:] if row[-1]]
+    counted = [row[0] for row in rows[first:] if row and row[-1]]
     if first and len(rows[first - 1]) == width - 1 and counted == [f"{n}" for n in range(1, len(rows) - first + 1)]:
         return [*rows[: first - 1], ["", *rows[first - 1]], *rows[first:]]
     return rows

@@ -55,7 +55,7 @@ def find_tidy_head(lines: Sequence[str]) -> TidyHead | None:
     for index, line in enumerate(lines):
         for delimiter in (one for one in DELIMITERS if one or not any(filter(None, map(line.count, ",;\t")))):
             rows = [unquoted(one.lstrip("#% "), delimiter).split(delimiter) for one in lines[index : index + _NUMBERED]]
-            titles = spelt([cell.strip().strip('"') for cell in with_row_names([row for row in rows if any(row)])[0]])
+            titles = spelt([cell.strip().strip('"') for cell in with_row_names([rows[0], *filter(any, rows[1:])])[0]])
             if head := _head_of(titles, partial(_column, lines, index + 1, delimiter)):
                 head.delimiter, head.n_lines = delimiter, index + 1
                 return head

@@ -133,3 +133,27 @@ def test_positions_are_told_from_velocities_by_their_name(tmp_path, key):
     assert list(take.names) == NAMES
     np.testing.assert_array_equal(take.positions, POSITIONS)
     assert "arrays left out: body_lin_vel_w" in take.notices
+
+
+TITLES = [f"{name}_{axis}" for name in NAMES for axis in "XYZ"]
+
+
+def test_columns_may_have_titles(tmp_path):
+    """As arrays of their own, beside one array, and as fields of a structured one."""
+    columns = dict(zip(TITLES, POSITIONS.reshape(N_FRAMES, -1).T, strict=True))
+    np.savez(tmp_path / "own.npz", fs=120.0, **columns)
+    savemat(tmp_path / "own.mat", {"fs": 120.0, **columns})
+    titled = {"data": POSITIONS.reshape(N_FRAMES, -1), "freq": 120.0}
+    savemat(tmp_path / "one.mat", {**titled, "colheaders": np.array(TITLES, dtype=object)})
+    np.savez(tmp_path / "one.npz", **titled, columns=TITLES, index=np.arange(N_FRAMES))
+    np.save(tmp_path / "fields.npy", np.array([*zip(*columns.values(), strict=True)], [(t, float) for t in TITLES]))
+    for file in tmp_path.iterdir():
+        take = read_take(file)
+        assert list(take.names) == NAMES, file
+        np.testing.assert_array_equal(take.positions, POSITIONS)
+        assert take.rate == (100.0 if file.suffix == ".npy" else 120.0)
+
+
+def test_archive_of_objects_alone_is_told(tmp_path, refused):
+    np.savez(tmp_path / "h36m.npz", positions_3d=np.array({"S1": POSITIONS}, dtype=object))
+    assert "holds pickled objects, which are never loaded" in refused(tmp_path / "h36m.npz")

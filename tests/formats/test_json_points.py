@@ -1,0 +1,95 @@
+"""JSON of points, as scripts, cameras and Track Manager write it: two points in three frames."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from skelgen_formats.registry import read_take, recognise
+
+PLACES = [[[frame, 2.5, 3.5], [4.5, 5.5, frame + 0.25]] for frame in range(3)]
+TIMES = [0.0, 0.02, 0.04]
+NAMES = ["knee", "toe"]
+FRAMES = [*zip(TIMES, PLACES, strict=True)]
+
+
+def axes(place):
+    return dict(zip("xyz", place, strict=True))
+
+
+def by_name(frame):
+    return dict(zip(NAMES, frame, strict=True))
+
+
+def named(frame):
+    return [{"name": name, "position": place} for name, place in by_name(frame).items()]
+
+
+LAYOUTS = {
+    "records": [{"t": t, **by_name(frame)} for t, frame in FRAMES],
+    "objects": [{"time": t, "markers": by_name(map(axes, frame))} for t, frame in FRAMES],
+    "by number": {f"{n}": {"t": t, **by_name(frame)} for n, (t, frame) in enumerate(FRAMES)},
+    "labels": {"frameRate": 50, "labels": [{"name": n} for n in NAMES], "frames": [{"markers": f} for f in PLACES]},
+    "joints": {"fps": 50, "joints": NAMES, "frames": [{"index": 1, "keypoints3d": frame} for frame in PLACES]},
+    "named in frames": {"fps": 50, "frames": [{"markers": named(f)[:: 1 - 2 * (n % 2)]} for n, f in enumerate(PLACES)]},
+    "one body": {
+        "joint_names": NAMES,
+        "frames": [{"timestamp_usec": t * 1e6, "bodies": [{"id": 1, "joint_positions": f}]} for t, f in FRAMES],
+    },
+    "split": {
+        "columns": [["time", ""], *([name, axis] for name in NAMES for axis in "xyz")],
+        "index": [0, 1, 2],
+        "data": [[t, *np.ravel(frame)] for t, frame in FRAMES],
+    },
+}
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_points_are_found(put, layout):
+    path = put("points.json", json.dumps(LAYOUTS[layout]))
+    take = read_take(path, recorded_unit="mm")
+    assert recognise(path).name == "json"
+    assert take.names == tuple(NAMES)
+    np.testing.assert_allclose(take.positions, PLACES)
+    assert take.rate == pytest.approx(50.0) or layout == "split"
+
+
+def test_a_value_may_stand_in_each_line(put):
+    take = read_take(put("points.ndjson", "\n".join(map(json.dumps, LAYOUTS["records"]))), recorded_unit="mm")
+    np.testing.assert_allclose(take.positions, PLACES)
+
+
+def test_points_that_frames_do_not_list_are_unseen(put):
+    frames = [{"markers": named(frame)[: 1 + n % 2]} for n, frame in enumerate(PLACES)]
+    take = read_take(put("some.json", json.dumps({"frames": frames})))
+    assert take.names == tuple(NAMES)
+    assert take.seen.tolist() == [[True, False], [True, True], [True, False]]
+
+
+def test_what_is_null_is_unseen(put):
+    records = [{**record, "toe": None} if n == 1 else record for n, record in enumerate(LAYOUTS["records"])]
+    assert read_take(put("null.json", json.dumps(records))).seen.tolist() == [[True] * 2, [True, False], [True] * 2]
+
+
+def test_parts_of_track_manager_are_put_where_they_belong(put):
+    def part(first, frames, marker):
+        return {
+            "Range": {"Start": first, "End": first + len(frames)},
+            "Values": [[*one[marker], 0.5] for one in frames],
+        }
+
+    parts = [[part(10, PLACES, 0)], [part(10, PLACES[:1], 1), part(12, PLACES[2:], 1)]]
+    markers = [{"Name": name, "Parts": some} for name, some in zip(NAMES, parts, strict=True)]
+    take = read_take(put("walk.json", json.dumps({"Timebase": {"Frequency": 120}, "Markers": markers})))
+    assert (take.names, take.rate) == (tuple(NAMES), 120.0)
+    assert take.seen.tolist() == [[True, True], [True, False], [True, True]]
+    np.testing.assert_allclose(take.positions[2], PLACES[2])
+
+
+@pytest.mark.parametrize(
+    "content",
+    ['{"', '{"a": 1}', "[[]]", '{"a": ' * 3000, '{"Markers": [{"Parts": [1], "Name": 2}]}', '[{"x": 1}, 2]'],
+)
+def test_json_without_points_is_refused(refused, put, content):
+    assert "JSON" in refused(put("other.json", content))
