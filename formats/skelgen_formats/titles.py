@@ -126,7 +126,7 @@ def with_axes(titles: Sequence[str]) -> list[str]:
     found, at, n_points = [*titles, "", ""], 0, 0
     while at < len(titles):
         name, *others = found[at : at + 3]
-        is_blank = is_number(name) or is_unseen(name.strip(",;[]"))
+        is_blank = is_number(name) or is_unseen(name.strip(",;[]")) or not any(map(str.isalpha, name))
         if name and others in (["", ""], [name] * 2, [f"{name}.1", f"{name}.2"]) and not is_blank:
             found[at : at + 3] = [f"{name}_{axis}" for axis in AXES]
             at, n_points = at + 2, n_points + 1

@@ -82,7 +82,7 @@ def _first_row(lines: Sequence[str]) -> int | None:
             return index + 2 if kinds == ["vec3"] and index + 2 < len(lines) else None
         if index and lines[index - 1].strip() and _has_vector(line, or_empty=True):
             names, delimiter = _titles(lines, index)
-            is_table = len(_cells(line, delimiter)) == len(names) > 1
+            is_table = len(_cells(line, delimiter)) == len(names) > 1 and not all(map(is_number, names[1:]))
             return index if is_table and any(map(_has_vector, lines[index:])) else None
     return None
 

@@ -23,7 +23,7 @@ from skelgen.geometry.frame_rate import AS_RECORDED_RATE
 from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.model.arrays import Floats
 from skelgen.progress import counted
-from skelgen_formats.assumed_units import assumed_mm_per_unit, notice_images, notice_landmarks
+from skelgen_formats.assumed_units import mm_per_recorded_unit, notice_images, notice_landmarks
 from skelgen_formats.bodies import BY_ROWS, blank_unseen, take_from_bodies, with_quaternions
 from skelgen_formats.body_columns import Body
 from skelgen_formats.lines import Lines, decoded_head, read_lines
@@ -290,8 +290,7 @@ def _factor_and_rate(
     path: Path, positions: Floats, times: Stamps | None, options: Options, unit: str, notices: list[str]
 ) -> tuple[float, float]:
     """Return mm per unit and the frame rate, as stated, measured or assumed; what is assumed is noticed."""
-    stated = options.recorded_unit if options.recorded_unit != AUTO else unit
-    factor = mm_per_unit(path, "", stated) if stated else assumed_mm_per_unit(positions, notices)
+    factor = mm_per_recorded_unit(path, "", unit, positions, options.recorded_unit, notices)
     rate = options.recorded_rate
     if rate == AS_RECORDED_RATE and times is not None:
         rate = times.rate(notices)

@@ -57,6 +57,8 @@ import pytest
         ("led.csv", b"t,x position,y position,z position\n0,1,2,3\n", "a single point has no skeleton"),
         ("imu.csv", b"t,a_roll,a_pitch,a_yaw\n0,1,2,3\n", "the titles name rotations of a, and no positions"),
         ("angles.csv", b"time,hip,knee\n0,1,2\n", "a table needs titles: name_x, name_y, name_z"),
+        ("lying.csv", b"a_x" + b",0.5" * 9 + b"\na_y" + b",1.5" * 9 + b"\n", "transpose the table"),
+        ("rec.csv", b"Time" + b";0,5" * 9 + b"\nRoot" + b";(1.0, 2.0, 3.0)" * 9 + b"\n", "transpose the table"),
         ("fish.csv", b"x1,y1,x2,y2\n1,2,3,4\n", "x and y alone: points in images; triangulate"),
         ("pose.csv", b"Frame,LandmarkID,X,Y\n0,0,0.1,0.2\n", "x and y alone: points in images; triangulate"),
         ("one.csv", b"id,x,y,z,qx,qy,qz,qw\n1,1,2,3,0,0,0,1\n", "a table needs titles"),
