@@ -28,7 +28,17 @@ from skelgen_formats.wide import take_from_table
 
 _POSITIONS = ("positions", "position", "markers", "points", "xyz", "keypoints", "joints", "data", "pos")
 _NAMES = (
-    *("names", "labels", "markernames", "markername", "markerlabels", "labelsmarker", "pointnames", "keypointnames"),
+    *(
+        "names",
+        "labels",
+        "label",
+        "markernames",
+        "markername",
+        "markerlabels",
+        "labelsmarker",
+        "pointnames",
+        "keypointnames",
+    ),
     *("bodynames", "jointnames", "bonenames", "markers", "joints", "keypoints", "points"),
 )
 _RATES = ("rate", "fps", "framerate", "samplingrate", "samplerate", "mocapframerate", "freq", "frequency", "fs")

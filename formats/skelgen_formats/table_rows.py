@@ -10,6 +10,7 @@ from skelgen.progress import counted
 from skelgen_formats.text import is_number, is_unseen, seconds_of, unquoted
 from skelgen_formats.title_lines import Head
 
+_RULED, _RULE = ("|-", "| ", "--", "==", "+-", "|:"), "-=|:+ "  # of tables in Markdown
 _COMMENTS, _MARKS = ("#", "%", "//"), "<*["  # the latter are no numbers, either
 _LONG_STEP = 1000  # frames; where more are missing, it does not matter how many
 
@@ -109,7 +110,8 @@ def without_remarks(
     for number, line in numbered:
         is_word = line[:1].isalpha() or line[:1] in _MARKS
         cells = [] if is_counted is not None and not is_word else line.split(delimiter)
-        if line.startswith(_COMMENTS) or (cells and not _is_row(cells, count if is_counted else None)):
+        is_remark = line.startswith(_COMMENTS) or (line[:2] in _RULED and not line.strip(_RULE))
+        if is_remark or (cells and not _is_row(cells, count if is_counted else None)):
             left_out.append(f"{number}")
             continue
         if is_counted is None:

@@ -63,6 +63,9 @@ _SPELT = (
     (re.compile(rf"(.+{BETWEEN}[xyz]){BETWEEN}(?:{_VERSION})", re.IGNORECASE), r"\1"),
     (re.compile(rf"(.+{BETWEEN})([xyz]){BETWEEN}(l|r|left|right)", re.IGNORECASE), r"\1\3_\2"),  # knee_x_L
     (re.compile(r"(.+?) ?\[[#-]?\]"), r"\1"),  # Sensor 1 Q0 []
+    (re.compile(rf"(.+{BETWEEN}[xyz]) ?\((?:ap|ml|v|si|is|pd|lat|vert|up)\)", re.IGNORECASE), r"\1"),  # knee_X(AP)
+    (re.compile(rf"(.+?) ?[\[(]({_LENGTH})[\])]({BETWEEN}[xyz])", re.IGNORECASE), r"\1\3 [\2]"),  # knee_pos[m]_x
+    (re.compile(rf"([xyz]) ?[\[(]({_LENGTH})[\])]{BETWEEN}(.+)", re.IGNORECASE), r"\3_\1 [\2]"),  # X [mm] knee
     (re.compile(r"(t[xyz])_([a-z]\w{2,200})", re.IGNORECASE), r"\2_\1"),  # tx_left_wrist_device of Aria
     (re.compile(rf"([wxyz]){BETWEEN}(position|rotation|orientation)(\W.*)?", re.IGNORECASE), r"\2_\1\3"),
 )

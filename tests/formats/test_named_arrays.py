@@ -157,3 +157,15 @@ def test_columns_may_have_titles(tmp_path):
 def test_archive_of_objects_alone_is_told(tmp_path, refused):
     np.savez(tmp_path / "h36m.npz", positions_3d=np.array({"S1": POSITIONS}, dtype=object))
     assert "holds pickled objects, which are never loaded" in refused(tmp_path / "h36m.npz")
+
+
+def test_coordinates_in_structs_and_points_in_cells_are_read(tmp_path):
+    fields = {name: dict(zip("xyz", POSITIONS[:, at].T, strict=True)) for at, name in enumerate(NAMES)}
+    savemat(tmp_path / "structs.mat", {"m": fields, "fs": 50.0})
+    cells = np.empty(len(NAMES), dtype=object)
+    cells[:] = [*POSITIONS.swapaxes(0, 1)]
+    savemat(tmp_path / "cells.mat", {"pos": cells, "label": np.array(NAMES, dtype=object), "Fs": 50.0})
+    for file in tmp_path.iterdir():
+        take = read_take(file)
+        assert (list(take.names), take.rate) == (NAMES, 50.0), file
+        np.testing.assert_array_equal(take.positions, POSITIONS)

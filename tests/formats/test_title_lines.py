@@ -86,6 +86,9 @@ def test_rate_and_unit_may_stand_in_one_line(put):
         ("頭 X座標,頭 Y座標,頭 Z座標,腰 X座標,腰 Y座標,腰 Z座標", ("頭", "腰")),
         ("/mocap/set/a/x,/mocap/set/a/y,/mocap/set/a/z,/mocap/set/b/x,/mocap/set/b/y,/mocap/set/b/z", ("a", "b")),
         ("Main.Out.a.r[0],Main.Out.a.r[1],Main.Out.a.r[2],Main.Out.b.r[0],Main.Out.b.r[1],Main.Out.b.r[2]", ("a", "b")),
+        ("a_X(ML),a_Y(AP),a_Z(V),b_X(ML),b_Y(AP),b_Z(V)", ("a", "b")),
+        ("a_pos[mm]_x,a_pos[mm]_y,a_pos[mm]_z,b_pos[mm]_x,b_pos[mm]_y,b_pos[mm]_z", ("a", "b")),
+        ("X [mm] a,Y [mm] a,Z [mm] a,X [mm] b,Y [mm] b,Z [mm] b", ("a", "b")),
         (TITLES + ",a.scale.x,a.scale.y,a.scale.z", ("a", "b")),
     ],
 )
@@ -120,3 +123,26 @@ def test_times_of_takes_that_follow_each_other_tell_the_rate(put):
     take = read_take(put("takes.csv", f"time,{TITLES}\n{lines}"))
     assert (take.rate, take.n_frames) == (pytest.approx(50.0), 60)
     assert any("times go back in line 32: rows of several takes" in notice for notice in take.notices)
+
+
+def test_table_in_markdown_is_read(put):
+    table = f"Frame,{TITLES}\n{'---,' * 6}---\n" + rows("{0},")
+    take = read_take(put("table.md", "".join(f"| {line.replace(',', ' | ')} |\n" for line in table.splitlines())))
+    check(take)
+    assert take.n_frames == 2
+
+
+@pytest.mark.parametrize("word", ["?", "*", "\\N", "#VALUE!", "occluded", "ERR", "void"])
+def test_words_for_what_is_unseen_are_understood(put, word):
+    take = read_take(put("words.csv", f"Frame,{TITLES}\n0,1,2,3,4,5,6\n1,1,2,3,{word},{word},{word}\n"))
+    assert take.seen.tolist() == [[True, True], [True, False]]
+
+
+@pytest.mark.parametrize("numbers", ['"0,125","-12,5"', "0.125,\u221212.5", "1.25D-01,-1.25D+01"])
+def test_numbers_of_other_spellings_are_understood(put, numbers):
+    text = f"Frame,{TITLES}\n" + "".join(f"{frame},{numbers},3,4,5,6\n" for frame in range(2))
+    np.testing.assert_array_equal(read_take(put("n.csv", text), recorded_unit="mm").positions[1, 0], [0.125, -12.5, 3])
+
+
+def test_marks_between_thousands_are_no_decimal_commas(refused, put):
+    assert "is not a number" in refused(put("n.csv", f"Frame,{TITLES}\n" + '0,"1,250",2,3,4,5,6\n' * 2))
