@@ -24,6 +24,7 @@ from skelgen_formats.lines import read_lines
 from skelgen_formats.named_arrays import take_from_arrays
 from skelgen_formats.options import POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
 from skelgen_formats.row_owners import array_from_records
+from skelgen_formats.summary_json import SCHEMA
 from skelgen_formats.turn_titles import AXES
 
 _STARTS = re.compile(rb'\s*(?:\{\s*["}]|\[\s*[\[{])')
@@ -57,6 +58,8 @@ def read_json(path: Path, options: Options) -> Trajectories | PointCloud | Poses
             value = json.loads(text)
         except ValueError:
             value = [json.loads(line) for line in text.splitlines() if line.strip()]
+        if isinstance(value, dict) and value.get("schema") == SCHEMA:
+            raise FormatError(path, "", "this is a summary of skelgen, without positions; open the .skelgen beside it")
         leaves = dict(_leaves(_with_whole_markers(value), ()))
         arrays = {key: _array(leaf) for key, leaf in _spread(path, leaves).items()}
     except (ValueError, TypeError, LookupError, RecursionError, OverflowError) as error:

@@ -6,7 +6,7 @@ import json
 
 import numpy as np
 import pytest
-from skelgen_formats.registry import read_take, recognise
+from skelgen_formats.registry import read_take, recognise, write_file
 
 PLACES = [[[frame, 2.5, 3.5], [4.5, 5.5, frame + 0.25]] for frame in range(3)]
 TIMES = [0.0, 0.02, 0.04]
@@ -93,3 +93,8 @@ def test_parts_of_track_manager_are_put_where_they_belong(put):
 )
 def test_json_without_points_is_refused(refused, put, content):
     assert "JSON" in refused(put("other.json", content))
+
+
+def test_summary_of_a_project_is_told(refused, tmp_path, small_project):
+    write_file(small_project, tmp_path / "walk.summary.json")
+    assert "this is a summary of skelgen, without positions" in refused(tmp_path / "walk.summary.json")
