@@ -8,6 +8,7 @@ positions, names, rate or times `skelgen_formats.named_arrays` finds. The marker
 one frame to another.
 """
 
+import contextlib
 import json
 import re
 from collections import Counter
@@ -20,19 +21,22 @@ from numpy.typing import NDArray
 
 from skelgen.errors import FormatError
 from skelgen.model import PointCloud, Poses, Trajectories
-from skelgen_formats.lines import read_lines
+from skelgen_formats.lines import Lines, read_lines
 from skelgen_formats.named_arrays import take_from_arrays
 from skelgen_formats.options import POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
 from skelgen_formats.row_owners import array_from_records
 from skelgen_formats.summary_json import SCHEMA
+from skelgen_formats.tidy import read_tidy
+from skelgen_formats.tidy_heads import find_tidy_head
 from skelgen_formats.turn_titles import AXES
 
 _STARTS = re.compile(rb'\s*(?:\{\s*["}]|\[\s*[\[{])')
 _SUFFIXES = (".json", ".jsonl", ".ndjson")
-_NAME_KEYS = ("name", "label")
+_NAME_KEYS, _NAMES = ("name", "label"), "names"
 _POSITION = "position"
+_PLACE_WORDS = (_POSITION, "positions", "pos", "translation", "location", "coordinates", "xyz", "data")
 _OTHERWISE = "this is JSON; write the points as TRC or wide CSV, those of images triangulated first"
-_DEEPEST = 64
+_DEEPEST, _MOST_TIMES = 64, 1000  # objects in objects; frames for each one that is listed
 
 _Path = tuple[str, ...]
 
@@ -60,14 +64,38 @@ def read_json(path: Path, options: Options) -> Trajectories | PointCloud | Poses
             value = [json.loads(line) for line in text.splitlines() if line.strip()]
         if isinstance(value, dict) and value.get("schema") == SCHEMA:
             raise FormatError(path, "", "this is a summary of skelgen, without positions; open the .skelgen beside it")
+        lines = Lines(path, "\n".join(_table(value)).encode(), "utf-8")
+        if find_tidy_head(lines) is not None:
+            return read_tidy(path, lines, options)
         leaves = dict(_leaves(_with_whole_markers(value), ()))
         arrays = {key: _array(leaf) for key, leaf in _spread(path, leaves).items()}
     except (ValueError, TypeError, LookupError, RecursionError, OverflowError) as error:
         raise FormatError(path, "", f"no JSON, or damaged: {' '.join(str(error).split())[:100]}") from error
+    for key in [key for key in arrays if len(key) > 1 and key[-1].lower() in _PLACE_WORDS]:
+        arrays.setdefault(key[:-1], arrays.pop(key))
+    several = [key for key in arrays if len(key) > 1 and key[-1] == _NAMES]
+    for key in several if len(several) > 1 else ():
+        arrays.setdefault(key[:-1], arrays[key])
     ends = {key: [".".join(key[at:]) for at in range(len(key) - 1, -1, -1)] for key in arrays}
     count = Counter(end for every in ends.values() for end in every)
     named = {next((end for end in ends[key] if count[end] == 1), ".".join(key)): one for key, one in arrays.items()}
     return take_from_arrays(path, named, options, _OTHERWISE)
+
+
+def _table(value: Any) -> Iterator[str]:
+    """Yield the lines of a table of records of single values, in a list or in one of an object, if there are any."""
+    lists = [value] if isinstance(value, list) else [*value.values()] if isinstance(value, dict) else []
+    for rows in (rows for rows in lists if isinstance(rows, list) and rows and isinstance(rows[0], dict)):
+        keys = [*rows[0]]
+        cells = [row.get(key) for row in rows for key in keys] if all(isinstance(row, dict) for row in rows) else [[]]
+        if not any(isinstance(cell, (dict, list)) for cell in cells):
+            starts = range(0, len(cells), max(len(keys), 1))
+            yield from ("\t".join(keys), *("\t".join(map(_cell, cells[at : at + len(keys)])) for at in starts))
+            return
+
+
+def _cell(one: Any) -> str:
+    return "" if one is None else " ".join(str(one).split())
 
 
 def _with_whole_markers(value: Any) -> Any:
@@ -78,6 +106,8 @@ def _with_whole_markers(value: Any) -> Any:
     parts = [(one["Name"], part["Range"]["Start"], part["Values"]) for one in markers for part in one["Parts"]]
     first = min(start for _, start, _ in parts)
     last = max(start + len(numbers) for _, start, numbers in parts)
+    if last - first > _MOST_TIMES * sum(len(numbers) for _, _, numbers in parts):
+        raise ValueError("parts that are far from each other")
     whole = {one["Name"]: [[None] * len(AXES)] * (last - first) for one in markers}
     for name, start, numbers in parts:
         whole[name][start - first : start - first + len(numbers)] = [place[: len(AXES)] for place in numbers]
@@ -92,7 +122,7 @@ def _leaves(value: Any, path: _Path) -> Iterator[tuple[_Path, Any]]:
         raise ValueError("objects in objects")
     for key in keys:
         is_name = key.lower() in _NAME_KEYS and isinstance(value, list)
-        yield from _leaves(_picked(value, key), path if is_name else (*path, key))
+        yield from _leaves(_picked(value, key), (*path, _NAMES if is_name else key))
     if not keys:
         yield path, value
 
@@ -108,6 +138,8 @@ def _plain(value: Any) -> Any:
     axes = {key.lower(): key for key in value if key.lower() in AXES and not isinstance(value[key], dict)}
     if len(axes) < len(AXES):
         return value
+    if value.keys() - axes.values() in ({"w"}, {"W"}):  # a quaternion
+        return [*value.values()]
     place = [value[axes[axis]] for axis in AXES]
     others = {key: one for key, one in value.items() if key not in axes.values()}
     return {**others, _POSITION: place} if others else place
@@ -157,17 +189,15 @@ def _are_texts_of_frames(value: Any) -> bool:
 
 def _array(leaf: Any) -> NDArray[Any]:
     """Return an array of numbers or texts, without axes that hold one; an empty one of what is neither."""
+    with contextlib.suppress(ValueError, TypeError):
+        array = np.asarray(_filled(leaf), dtype=np.float64)  # of numbers in quotes, too
+        return array.squeeze(axis=1) if array.ndim == len(AXES) + 1 and array.shape[1] == 1 else array
+    if isinstance(leaf, list) and all(isinstance(row, list) and len(row) == 1 for row in leaf):
+        leaf = [row[0] for row in leaf]
     if _are_texts_of_frames(leaf):
         leaf = leaf[0] if all(row == leaf[0] for row in leaf) else ["_".join(row) for row in leaf]
-    if isinstance(leaf, list) and leaf and all(isinstance(one, str) for one in leaf):
-        return np.array(leaf)
-    if isinstance(leaf, (str, bool)):
-        return np.array(leaf)
-    try:
-        array = np.asarray(_filled(leaf), dtype=np.float64)
-    except (ValueError, TypeError):
-        return np.array([])
-    return array.squeeze(axis=1) if array.ndim == len(AXES) + 1 and array.shape[1] == 1 else array
+    is_text = isinstance(leaf, str) or (isinstance(leaf, list) and all(isinstance(one, str) for one in leaf))
+    return np.array(leaf if is_text else [])
 
 
 def _filled(leaf: Any) -> Any:

@@ -26,7 +26,19 @@ from skelgen_formats.titles import bodies_of
 from skelgen_formats.turn_titles import AXES
 from skelgen_formats.wide import take_from_table
 
-_POSITIONS = ("positions", "position", "markers", "points", "xyz", "keypoints", "joints", "data", "pos")
+_POSITIONS = (
+    "positions",
+    "position",
+    "markers",
+    "points",
+    "xyz",
+    "keypoints",
+    "joints",
+    "data",
+    "pos",
+    "keypoint",
+    "marker",
+)
 _NAMES = (
     *(
         "names",
@@ -106,6 +118,7 @@ def _stamps(arrays: Arrays, n_frames: int) -> Iterator[Stamps]:
 def _positions(path: Path, arrays: Arrays, notices: list[str], otherwise: str) -> tuple[NDArray[Any], list[str]]:
     """Return positions, shape (n_frames, n_points, 3), and the names of points."""
     fitting = {key: array for key, array in arrays.items() if _is_of_points(array)}
+    fitting = {k: one for k, one in fitting.items() if 1 not in one.shape and "local" not in k.lower()} or fitting
     named = [key for known in _POSITIONS for key in fitting if _plain(key) == known]
     if len(fitting) > 1 and not named:  # body_pos_w beside body_lin_vel_w
         by_words = [key for key in fitting if {*key.lower().split("_")} & _POSITION_WORDS]
@@ -154,7 +167,7 @@ def _of_ones(array: NDArray[Any]) -> int | None:
     for axis in (2, 0, 1):
         if array.shape[axis] == len(AXES) + 1 and array.size:
             last = array.take(len(AXES), axis=axis)
-            if ((last == 1) | (last != last)).all():  # noqa: PLR0124 - NaN
+            if array.take(range(len(AXES)), axis=axis).any() and ((last == 1) | (last != last)).all():  # noqa: PLR0124 - NaN
                 return axis
     return None
 
@@ -268,7 +281,8 @@ def _called(arrays: Arrays, names: Sequence[str]) -> Iterator[NDArray[Any]]:
 def _texts(arrays: Arrays, key: str) -> list[str]:
     """Return the names of points, empty if there are none."""
     others = {name: array for name, array in arrays.items() if name != key}
-    found = (one for one in _called(others, _NAMES) if one.dtype.kind in "US" and one.ndim == 1)
+    every = [*(array for name, array in others.items() if name == f"{key}.names"), *_called(others, _NAMES)]
+    found = (one for one in every if one.dtype.kind in "US" and one.ndim == 1)
     texts = next(found, np.array([], dtype=np.str_)).tolist()
     return [text.decode("latin-1") if isinstance(text, bytes) else str(text) for text in texts]
 

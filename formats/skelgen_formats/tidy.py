@@ -83,7 +83,7 @@ def read_tidy(path: Path, lines: Lines, options: Options) -> Trajectories | Poin
         rows = _rows(path, lines, head)
     head.notices += rows.notices
     frames, n_names, width = np.frombuffer(rows.frames), len(rows.names), len(head.columns)
-    if np.isnan(frames).any():
+    if not np.isfinite(frames).all():
         raise FormatError(path, "", "holds rows without a frame")
     if len(rows.takes) > 1:
         head.notices.append(f"{head.titles[at['trial']]} changes: {FOLLOWING}")

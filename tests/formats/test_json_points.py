@@ -1,4 +1,4 @@
-"""JSON of points, as scripts, cameras and Track Manager write it: two points in three frames."""
+"""JSON of points, as scripts, cameras and Track Manager write it: two points in five frames."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from skelgen_formats.registry import read_take, recognise, write_file
 
-PLACES = [[[frame, 2.5, 3.5], [4.5, 5.5, frame + 0.25]] for frame in range(3)]
-TIMES = [0.0, 0.02, 0.04]
+PLACES = [[[frame, 2.5, 3.5], [4.5, 5.5, frame + 0.25]] for frame in range(5)]
+TIMES = [0.0, 0.02, 0.04, 0.06, 0.08]
 NAMES = ["knee", "toe"]
 FRAMES = [*zip(TIMES, PLACES, strict=True)]
 
@@ -26,6 +26,10 @@ def named(frame):
     return [{"name": name, "position": place} for name, place in by_name(frame).items()]
 
 
+def posed(place):
+    return {"position": axes(place), "orientation": {**axes([0, 0, 0]), "w": 1}}
+
+
 LAYOUTS = {
     "records": [{"t": t, **by_name(frame)} for t, frame in FRAMES],
     "objects": [{"time": t, "markers": by_name(map(axes, frame))} for t, frame in FRAMES],
@@ -37,12 +41,27 @@ LAYOUTS = {
         "joint_names": NAMES,
         "frames": [{"timestamp_usec": t * 1e6, "bodies": [{"id": 1, "joint_positions": f}]} for t, f in FRAMES],
     },
+    "poses of bodies": {"fps": 50, "frames": [{n: posed(p) for n, p in by_name(f).items()} for f in PLACES]},
+    "named poses": {"fps": 50, "frames": [[{"name": n, **posed(p)} for n, p in by_name(f).items()] for f in PLACES]},
+    "hands": {"fps": 50, "frames": [{"hands": [{"side": "l", "joints": named(frame)}]} for frame in PLACES]},
+    "tracks": {"fps": 50, "points": [{"name": n, "at": [axes(f[k]) for f in PLACES]} for k, n in enumerate(NAMES)]},
+    "times in ns": {f"{10**18 + round(t * 1e9)}": {"ts": 10**18 + round(t * 1e9), **by_name(f)} for t, f in FRAMES},
+    "numbers in quotes": [{"t": f"{t}", **{n: [*map(str, p)] for n, p in by_name(f).items()}} for t, f in FRAMES],
+    "tidy": {"data": [{"time": t, "marker": n, **axes(p)} for t, f in FRAMES for n, p in by_name(f).items()]},
     "split": {
         "columns": [["time", ""], *([name, axis] for name in NAMES for axis in "xyz")],
-        "index": [0, 1, 2],
+        "index": [0, 1, 2, 3, 4],
         "data": [[t, *np.ravel(frame)] for t, frame in FRAMES],
     },
 }
+
+
+FAR = json.dumps(
+    {
+        "Timebase": {"Frequency": 9},
+        "Markers": [{"Name": n, "Parts": [{"Range": {"Start": n * 10**9}, "Values": [[1, 2, 3]]}]} for n in (0, 1)],
+    }
+)
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
@@ -64,12 +83,12 @@ def test_points_that_frames_do_not_list_are_unseen(put):
     frames = [{"markers": named(frame)[: 1 + n % 2]} for n, frame in enumerate(PLACES)]
     take = read_take(put("some.json", json.dumps({"frames": frames})))
     assert take.names == tuple(NAMES)
-    assert take.seen.tolist() == [[True, False], [True, True], [True, False]]
+    assert take.seen[:, 1].tolist() == [False, True, False, True, False]
 
 
 def test_what_is_null_is_unseen(put):
     records = [{**record, "toe": None} if n == 1 else record for n, record in enumerate(LAYOUTS["records"])]
-    assert read_take(put("null.json", json.dumps(records))).seen.tolist() == [[True] * 2, [True, False], [True] * 2]
+    assert read_take(put("null.json", json.dumps(records))).seen[:, 1].tolist() == [True, False, True, True, True]
 
 
 def test_parts_of_track_manager_are_put_where_they_belong(put):
@@ -83,13 +102,13 @@ def test_parts_of_track_manager_are_put_where_they_belong(put):
     markers = [{"Name": name, "Parts": some} for name, some in zip(NAMES, parts, strict=True)]
     take = read_take(put("walk.json", json.dumps({"Timebase": {"Frequency": 120}, "Markers": markers})))
     assert (take.names, take.rate) == (tuple(NAMES), 120.0)
-    assert take.seen.tolist() == [[True, True], [True, False], [True, True]]
+    assert take.seen[:, 1].tolist() == [True, False, True, True, True]
     np.testing.assert_allclose(take.positions[2], PLACES[2])
 
 
 @pytest.mark.parametrize(
     "content",
-    ['{"', '{"a": 1}', "[[]]", '{"a": ' * 3000, '{"Markers": [{"Parts": [1], "Name": 2}]}', '[{"x": 1}, 2]'],
+    ['{"', '{"a": 1}', "[[]]", '{"a": ' * 3000, '{"Markers": [{"Parts": [1], "Name": 2}]}', '[{"x": 1}, 2]', FAR],
 )
 def test_json_without_points_is_refused(refused, put, content):
     assert "JSON" in refused(put("other.json", content))
