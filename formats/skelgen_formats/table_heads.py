@@ -62,6 +62,7 @@ _OWNING = re.compile(
     re.IGNORECASE,
 )
 _UNIT_TOLERANCE = 1e-3  # of the length of quaternions, which are printed with a few digits
+_FLAGS = [["0"], ["1"], ["true"], ["false"]]
 _COMMENT = "#%"  # what stands before the titles that numpy and ROS write
 _STRICT, _LOOSE = (deeplabcut, under_names, in_one_line), (in_threes, names_of_threes)
 _STATES = re.compile(r"[:=]\s*\S")
@@ -176,7 +177,9 @@ def _read_rows(head: Head, every: list[list[str]]) -> None:
     """Find out whether rows of several take turns, and leave out flags that hold no 0 or 1."""
     rows = every[head.n_lines :]
     for body in head.bodies:
-        is_flag = body.flag is None or all(row[body.flag : body.flag + 1] in (["0"], ["1"]) for row in rows[:1])
+        is_flag = body.flag is None or all(
+            [*map(str.lower, row[body.flag : body.flag + 1])] in _FLAGS for row in rows[:1]
+        )
         body.flag = body.flag if is_flag or body.is_graded else None
     if head.frames is not None and not all(is_number(row[head.frames]) for row in rows[:1] if head.frames < len(row)):
         head.frames = None  # ROS has frame_id, of coordinates

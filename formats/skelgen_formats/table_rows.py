@@ -2,6 +2,7 @@
 
 import contextlib
 import math
+import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
@@ -11,6 +12,7 @@ from skelgen_formats.text import is_number, is_unseen, seconds_of, unquoted
 from skelgen_formats.title_lines import Head
 
 _RULED, _RULE = ("|-", "| ", "--", "==", "+-", "|:"), "-=|:+ "  # of tables in Markdown
+_FLAG = re.compile(r"\b(?:true|false)\b", re.IGNORECASE)
 _COMMENTS, _MARKS = ("#", "%", "//"), "<*["  # the latter are no numbers, either
 _LONG_STEP = 1000  # frames; where more are missing, it does not matter how many
 
@@ -86,6 +88,21 @@ def unquoted_rows(lines: Iterable[tuple[int, str]], delimiter: str | None, least
     for number, line in lines:
         if line.strip(parting + " ") or 0 < least <= len(line):
             yield number, unquoted(line, delimiter)
+
+
+def with_flags(numbered: Iterable[tuple[int, str]], head: Head) -> Iterator[tuple[int, str]]:
+    """Yield lines with 1 and 0 for true and false, if flags say which points are seen.
+
+    Parameters
+    ----------
+    numbered : iterable of (number, line)
+        Of rows.
+    head : Head
+        Of the table.
+    """
+    are_there = any(body.flag is not None for body in head.bodies)
+    for number, line in numbered:
+        yield number, _FLAG.sub(lambda flag: f"{int(flag[0].lower() == 'true')}", line) if are_there else line
 
 
 def without_remarks(

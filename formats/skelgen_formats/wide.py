@@ -46,6 +46,7 @@ from skelgen_formats.table_rows import (
     padded_rows,
     unquoted_rows,
     until_other_table,
+    with_flags,
     with_seconds,
     without_remarks,
 )
@@ -120,7 +121,7 @@ def chosen_columns(head: Head, options: Options) -> list[int]:
     kinds = [len(body.columns(turned=True)) for body in turned]
     turned = [body for body, kind in zip(turned, kinds, strict=True) if kind == kinds[0]]
     points = [body for body in head.bodies if body not in turned]
-    are_bodies = bool(turned) and (options.bodies or not points)
+    are_bodies = bool(turned) and (options.bodies or len(points) < 2)  # a single point has no skeleton
     if are_bodies and points:
         one, several = "point without a rotation is left out", "points without a rotation are left out"
         head.notices.append(counted(len(points), one, several))
@@ -140,7 +141,7 @@ def _numbers_of(
     # without times, a row of empty cells is a frame in which nothing is seen
     least = 0 if times or not head.delimiter else head.n_cells - 1
     numbers = unquoted_rows(until_other_table(lines.rows(first, least=least), head), head.delimiter, least)
-    numbers = without_remarks(numbers, head.delimiter, head.counts, head.notices)
+    numbers = without_remarks(with_flags(numbers, head), head.delimiter, head.counts, head.notices)
     whole = padded_rows(numbers, len(lines), head.n_cells, head.delimiter, head.notices)
     if head.owners:
         whole = turns.noted(whole, head)

@@ -44,7 +44,7 @@ def test_times_tell_the_rate(put):
     assert read_take(put("points.csv", FREEMOCAP)).rate == 100.0
 
 
-@pytest.mark.parametrize("title", ["joint_idx", "Keypoint No", "marker number"])
+@pytest.mark.parametrize("title", ["joint_idx", "Keypoint No", "marker number", "obj_id"])
 def test_points_may_be_numbered(put, title):
     text = f"frame,{title},x,y,z\n" + "".join(f"{frame},{n},{n},2,3\n" for frame in range(3) for n in range(4))
     assert read_take(put("numbered.csv", text)).names == ("0", "1", "2", "3")

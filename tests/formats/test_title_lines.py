@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from skelgen_formats.registry import read_take
 
+from skelgen.model import Poses
 from tests.formats.wide_rows import POSITIONS, rows
 
 TITLES = "a_X,a_Y,a_Z,b_X,b_Y,b_Z"
@@ -146,3 +147,34 @@ def test_numbers_of_other_spellings_are_understood(put, numbers):
 
 def test_marks_between_thousands_are_no_decimal_commas(refused, put):
     assert "is not a number" in refused(put("n.csv", f"Frame,{TITLES}\n" + '0,"1,250",2,3,4,5,6\n' * 2))
+
+
+@pytest.mark.parametrize(
+    "titles",
+    [
+        ",".join(f"{name}-{axis}-mm" for name in "ab" for axis in "XYZ"),
+        ",".join(f"{axis} of {name}" for name in "ab" for axis in "xyz"),
+    ],
+)
+def test_units_behind_hyphens_and_axes_of_names_are_understood(put, titles):
+    check(read_take(put("spelt.csv", f"Time-s,{titles}\n" + rows("{1},"))))
+
+
+def test_of_two_versions_of_a_coordinate_the_first_counts(put):
+    titles = ",".join(f"{name}_{axis}_{version}" for version in ("raw", "filt") for name in "ab" for axis in "xyz")
+    take = read_take(put("two.csv", f"Frame,{titles}\n" + "".join(f"{n},1,2,3,4,5,6,1,2,3,4,5,7\n" for n in range(2))))
+    assert take.names == ("a", "b")
+    assert any("second versions of coordinates are left out: a_x_filt" in notice for notice in take.notices)
+
+
+def test_words_of_flags_are_understood(put):
+    titles = ",".join(f"{name}_{what}" for name in "ab" for what in ("x", "y", "z", "visible"))
+    lines = "0,1,2,3,True,4,5,6,True\n1,1,2,3,True,4,5,6,False\n"
+    assert read_take(put("flags.csv", f"Frame,{titles}\n{lines}")).seen.tolist() == [[True, True], [True, False]]
+
+
+def test_bodies_count_more_than_a_single_point(put):
+    titles = ",".join([*(f"head_{what}" for what in ("x", "y", "z", "qx", "qy", "qz", "qw")), "gaze_x,gaze_y,gaze_z"])
+    take = read_take(put("gaze.csv", f"Frame,{titles}\n" + "".join(f"{n},1,2,3,0,0,0,1,4,5,{n}\n" for n in range(3))))
+    assert isinstance(take, Poses)
+    assert "1 point without a rotation is left out" in take.notices
