@@ -27,31 +27,12 @@ from skelgen_formats.turn_titles import AXES
 from skelgen_formats.wide import take_from_table
 
 _POSITIONS = (
-    "positions",
-    "position",
-    "markers",
-    "points",
-    "xyz",
-    "keypoints",
-    "joints",
-    "data",
-    "pos",
-    "keypoint",
-    "marker",
+    *("positions", "position", "markers", "points", "xyz", "keypoints", "joints", "data", "pos"),
+    *("keypoint", "marker"),
 )
 _NAMES = (
-    *(
-        "names",
-        "labels",
-        "label",
-        "markernames",
-        "markername",
-        "markerlabels",
-        "labelsmarker",
-        "pointnames",
-        "keypointnames",
-    ),
-    *("bodynames", "jointnames", "bonenames", "markers", "joints", "keypoints", "points"),
+    *("names", "labels", "label", "markernames", "markername", "markerlabels", "labelsmarker", "pointnames"),
+    *("keypointnames", "bodynames", "jointnames", "bonenames", "markers", "joints", "keypoints", "points"),
 )
 _RATES = ("rate", "fps", "framerate", "samplingrate", "samplerate", "mocapframerate", "freq", "frequency", "fs")
 _UNITS = ("unit", "units")
@@ -129,7 +110,8 @@ def _positions(path: Path, arrays: Arrays, notices: list[str], otherwise: str) -
     if not fitting:
         return _joined(path, arrays, notices, otherwise)
     key = (named or [*fitting])[0]
-    _notice_others([other for other in fitting if other != key], notices)
+    numbers = [other for other, array in arrays.items() if array.ndim >= len(AXES) and array.dtype.kind in "fiu"]
+    _notice_others([other for other in numbers if other != key], notices)
     names = _texts(arrays, key)
     positions = _with_frames_first(_with_xyz_last(fitting[key]), len(names))
     if names and len(names) != positions.shape[1] and fitting[key].shape[-1] != len(AXES):

@@ -28,6 +28,7 @@ AXIS_IN_NAME = re.compile(r"(?:[_ .:-][xyzXYZ]|(?<=[a-z0-9])[XYZ])$")
 
 _FRAME_OF_ROS = "frame_id"  # a name, not a number
 _NUMBERED = 4  # lines of titles and rows that tell whether these begin with their number
+_FEWEST_TITLES = 3  # frame, name and value
 _LOOKED_AT = 1024  # rows that tell whether numbers are names of points
 
 
@@ -56,7 +57,8 @@ def find_tidy_head(lines: Sequence[str]) -> TidyHead | None:
         for delimiter in (one for one in DELIMITERS if one or not any(filter(None, map(line.count, ",;\t")))):
             rows = [unquoted(one.lstrip("#% "), delimiter).split(delimiter) for one in lines[index : index + _NUMBERED]]
             titles = spelt([cell.strip().strip('"') for cell in with_row_names([rows[0], *filter(any, rows[1:])])[0]])
-            if head := _head_of(titles, partial(_column, lines, index + 1, delimiter)):
+            cells_of = partial(_column, lines, index + 1, delimiter)
+            if len(titles) >= _FEWEST_TITLES and (head := _head_of(titles, cells_of)):
                 head.delimiter, head.n_lines = delimiter, index + 1
                 return head
         if line.strip() and not line.startswith(_COMMENTS):

@@ -127,12 +127,16 @@ def test_poses_of_theia_are_bodies(tmp_path):
 
 @pytest.mark.parametrize("key", ["body_pos_w", "position", "joint_positions"])
 def test_positions_are_told_from_velocities_by_their_name(tmp_path, key):
-    arrays = {key: POSITIONS, "body_lin_vel_w": np.gradient(POSITIONS, axis=0)}
+    arrays = {
+        key: POSITIONS,
+        "body_lin_vel_w": np.gradient(POSITIONS, axis=0),
+        "body_quat_w": np.ones((*POSITIONS.shape[:2], 4)) / 2,
+    }
     np.savez(tmp_path / "robot.npz", body_names=NAMES, fps=50, **arrays)
     take = read_take(tmp_path / "robot.npz")
     assert list(take.names) == NAMES
     np.testing.assert_array_equal(take.positions, POSITIONS)
-    assert "arrays left out: body_lin_vel_w" in take.notices
+    assert "arrays left out: body_lin_vel_w, body_quat_w" in take.notices
 
 
 TITLES = [f"{name}_{axis}" for name in NAMES for axis in "XYZ"]
