@@ -117,8 +117,8 @@ _BLANK_LINES = re.compile(rb"[ \t\n]*\n")
 class Lines(Sequence[str]):
     """The lines of a text file without their ends: held as the file's bytes, decoded one by one as they are read.
 
-    A list of lines would take up to twenty times the file, where lines are short. Lines that are asked for in turn are
-    found at once; one that lies before the last is searched from the beginning.
+    A list of lines would take up to twenty times the file, where lines are short. Lines that are asked for in turn, or
+    near the last one, are found at once.
 
     Parameters
     ----------
@@ -153,8 +153,11 @@ class Lines(Sequence[str]):
         index = index + self._length if index < 0 else index
         if not 0 <= index < self._length:
             raise IndexError(index)
-        if index < self._index:
+        if index < self._index // 2:
             self._index, self._start = 0, 0
+        while self._index > index:
+            self._start = self._content.rfind(b"\n", 0, self._start - 1) + 1
+            self._index -= 1
         while self._index < index:
             self._start = self._content.index(b"\n", self._start) + 1
             self._index += 1
