@@ -70,7 +70,7 @@ TINY = 1e-9
 """nats; a smaller gain is rounding. Also mm^2."""
 
 LOW = 0.16
-"""Quantile that is one standard deviation below the middle."""
+"""Quantile that is one standard deviation below the middle; as many are as far above it."""
 
 
 def misfit(ratios: Floats) -> Floats:
@@ -108,7 +108,7 @@ def marker_noise(variance: Floats, noise: float, margin: float) -> Floats:
 def margin(clusters: list[Group], variance: Floats) -> float:
     """Return which part of `GAIN` and of other margins noise needs that is unlike from marker to marker, at most 1.
 
-    Clusters that hold markers of two limbs vary more than others: how much less than usual distances vary tells.
+    Clusters that hold markers of two limbs by mistake vary more than others; of these there are few.
 
     Parameters
     ----------
@@ -121,8 +121,8 @@ def margin(clusters: list[Group], variance: Floats) -> float:
     known = within[np.isfinite(within)]
     if not len(known):
         return 1.0
-    low, usual = np.quantile(np.log(np.maximum(known, TINY)) / 2, (LOW, 0.5))
-    most = float(usual - low) * (1 + 2 / np.sqrt(len(known)))  # two standard errors more
+    low, usual, high = np.quantile(np.log(np.maximum(known, TINY)) / 2, (LOW, 0.5, 1 - LOW))
+    most = float(max(usual - low, high - usual)) * (1 + 2 / np.sqrt(len(known)))  # two standard errors more
     spread = np.hypot(most, 1 / np.sqrt(2 * TEST_FRAMES))
     return min(1.0, float(misfit(np.exp([2 * CHANCE * spread]))) / GAIN)
 

@@ -213,16 +213,17 @@ def test_limbs_that_hardly_move_are_found_where_noise_is_alike_on_all(simulated,
 
 def test_links_of_a_rope_with_two_markers_each_are_limbs(same_partition):
     times, rng = np.arange(600) / 100, np.random.default_rng(0)
-    turn, end = Rotation.identity(600), np.zeros((600, 3))
-    markers = [np.tile([[0.0, 0, 40], [80, 10, 40], [-30, 70, 50], [20, -60, 40]], (600, 1, 1))]  # what it hangs on
+    turn, end, plate = Rotation.identity(600), np.zeros((600, 3)), rng.uniform([-80, -80, 20], [80, 80, 180], (6, 3))
+    markers = [np.tile(plate, (600, 1, 1))]  # what it hangs on
     for link in range(5):
         swings = np.sin(2 * np.pi * np.outer(times, [0.35 + 0.1 * link, 0.4 + 0.12 * link]) + link * np.array([1, 2]))
         turn = turn * Rotation.from_euler("xy", np.deg2rad(8) * swings / (1 + 0.3 * link))
-        markers.append(np.stack([end + turn.apply(place) for place in ([14.0, 0, -8], [-14, 14, -72])], axis=1))
+        places = ([14.0, 0, -8], [-14, 14, -72]) if link < 4 else -plate  # and what hangs on it
+        markers.append(np.stack([end + turn.apply(place) for place in places], axis=1))
         end = end + turn.apply([0.0, 0, -80])
-    positions = np.concatenate(markers, axis=1) + rng.normal(0, 0.4, (600, 14, 3))
-    take = Trajectories(positions, tuple(f"M{number}" for number in range(14)), 100.0)
-    assert same_partition(find_limbs(take).limb_of_marker, np.repeat(np.arange(6), [4, 2, 2, 2, 2, 2]))
+    positions = np.concatenate(markers, axis=1) + rng.normal(0, 0.4, (600, 20, 3))
+    take = Trajectories(positions, tuple(f"M{number}" for number in range(20)), 100.0)
+    assert same_partition(find_limbs(take).limb_of_marker, np.repeat(np.arange(6), [6, 2, 2, 2, 2, 6]))
 
 
 def test_markers_that_hang_together_by_different_votes_are_not_chained():
