@@ -138,6 +138,10 @@ public repositories have, made by the tests. What is not named was not tried.
 | Aria, PhaseSpace, Quest | axes before names, people by id, times since the first row | layout of recordings |
 | OpenFace, Unreal, The Captury, scripts of Vicon's DataStream | X_0 to X_67, Loc and Rot, units of places | layout |
 | FreeMoCap CSV | 1.8: by model, by trajectory, by frame | layout of its writer |
+| Codamotion, LabVIEW, NatNet, AnyBody, NDI Wave as text | lines around titles, units in brackets, paths | layout |
+| R, xarray, Unreal | numbered rows, columns of axes, `X=1.0 Y=2.0 Z=3.0` | layout |
+| BIDS motion | points and bodies, with channels.tsv and motion.json | layout of its specification |
+| JSON of Track Manager, Azure Kinect, pandas, scripts | a list per frame or marker, names once or in all | layout |
 | NumPy .npy, .npz | format 1.0, axes in any order, an array per point, rows of ezc3d, poses, robots | by NumPy |
 | MATLAB .mat | level 5: structs, MoCap Toolbox, Visual3D, Theia, biomechZoo, arrays | written by scipy |
 

@@ -1,12 +1,14 @@
-"""Files appear whole or not at all: write beside, flush, rename."""
+"""Files appear whole or not at all: write beside, flush, rename. And readable tables beside modules."""
 
 import contextlib
 import hashlib
 import os
 import stat
+import tomllib
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 from skelgen.errors import FormatError, WriteError
 from skelgen.interrupts import unfinished, uninterrupted
@@ -177,3 +179,17 @@ def _remove_empty(folders: list[Path]) -> None:
 
 def _random() -> str:
     return os.urandom(8).hex()
+
+
+@cache
+def read_table(module: str, name: str) -> dict[str, Any]:
+    """Return a readable table that stands beside a module, in the folder ``tables``.
+
+    Parameters
+    ----------
+    module : str
+        File of the module: its ``__file__``.
+    name : str
+        Of the table's file, without its suffix.
+    """
+    return tomllib.loads(Path(module).with_name("tables").joinpath(f"{name}.toml").read_text(encoding="utf-8"))

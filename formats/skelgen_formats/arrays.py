@@ -25,6 +25,7 @@ from skelgen_formats.options import POINTS, RECORDED_RATE, RECORDED_UNIT, Format
 
 _SURPLUS = 4096  # bytes that archives and headers may take beside the numbers
 _MOST_TIMES = 100  # what a compressed archive may hold, in its own size
+_PICKLED = "holds pickled objects, which are never loaded; save the array of numbers alone"
 _BROKEN = (
     *(zipfile.BadZipFile, zlib.error, struct.error, EOFError, RuntimeError, NotImplementedError),  # a damaged archive
     *(ValueError, TypeError, SyntaxError, tokenize.TokenError, OverflowError, MemoryError, KeyError),  # or array in it
@@ -62,9 +63,13 @@ def _arrays(path: Path) -> dict[str, NDArray[Any]]:
                         raise FormatError(path, "", "announces far more numbers than such a file holds")
                 stream.seek(0)
                 with np.load(stream, allow_pickle=False) as members:
-                    return {name: _sound(members[name]) for name in members.files if _is_plain(members, name)}
+                    plain = {name: _sound(members[name]) for name in members.files if _is_plain(members, name)}
+                    if members.files and not plain:
+                        raise FormatError(path, "", _PICKLED)
+                    return plain
             stream.seek(0)
-            return {"": _one(path, stream, size)}
+            one = _one(path, stream, size)
+            return {name: one[name] for name in one.dtype.names} if one.dtype.names else {"": one}
     except OSError as error:
         raise FormatError(path, "", f"cannot be read: {error.strerror or error}") from error
     except _BROKEN as error:
@@ -97,7 +102,7 @@ def _header(stream: Any) -> tuple[tuple[int, ...], np.dtype[Any]]:
 def _one(path: Path, stream: Any, size: int) -> NDArray[Any]:
     shape, dtype = _header(stream)
     if dtype.hasobject:
-        raise FormatError(path, "", "holds pickled objects, which are never loaded; save the array of numbers alone")
+        raise FormatError(path, "", _PICKLED)
     if int(np.prod(shape, dtype=object)) * dtype.itemsize > size:
         raise FormatError(path, "", f"announces an array of the shape {shape}, which the file does not hold")
     stream.seek(0)

@@ -261,12 +261,12 @@ def _link(joint: Joint, name: str, bones: Sequence[str], world: Floats, joints: 
 
 
 def _by_kind(joint: Joint, rotations: Floats) -> tuple[str, Floats, Floats]:
-    from skelgen.kinematics.joints.angles import angle_names, joint_angles  # noqa: PLC0415 - scipy is slow to load
+    from skelgen.kinematics.joints.angles import angle_names, continued, joint_angles  # noqa: PLC0415 - scipy is slow to load
 
     if len(angle_names(joint)) == 3:  # also a kind without its axes
         return "ball", np.eye(3), euler_angles("XYZ", rotations)
     axes = [axis for axis in (joint.axis, joint.second_axis) if axis is not None]
-    angles = np.unwrap(joint_angles(joint, rotations), axis=0)
+    angles = continued(joint, joint_angles(joint, rotations))
     return joint.kind, np.array(axes[: angles.shape[1]]).reshape(-1, 3), angles
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from skelgen_formats.text import is_number, seconds_of, words_of
 
 _FRAME = re.compile("|".join(words_of("times")["frame"]))
-_UNIT = r"(?:[ _]?[\[(/]? ?([mnuµ]?s(?:ecs?)?|(?:milli|micro|nano)?seconds?|local|utc) ?[\])]?)?"
+_UNIT = r"(?:[ _-]?[\[(/]? ?([mnuµ]?s(?:ecs?)?|(?:milli|micro|nano)?seconds?|local|utc) ?[\])]?)?"
 _TIME = re.compile(rf"(?:%|_{{1,2}}|elapsed[ _])?(?:{'|'.join(words_of('times')['time'])}){_UNIT}", re.IGNORECASE)
 _NO_MOMENT = r"(?i:(?!delta|diff|start|end|begin|stop|reaction|response|duration|exposure|last))"
 _NAMED_TIME = re.compile(_NO_MOMENT + r".{1,60}(?:[ _.]time|[a-z]Time|[ _.]?(?i:time[ _]?stamp))" + _UNIT)

@@ -11,6 +11,7 @@ from skelgen_formats.titles import bodies_of, turned_without_place
 _NUMBER, _PARTING = re.compile(r"[-+]?[\d.]+(?:e[-+]?\d+)?", re.IGNORECASE), re.compile(r"[\s;,]+")
 _CELLS, _TITLE_LINES = re.compile(r"[,;\t]"), 24
 _COMMENTS = ("#", "%", "//")
+_IS_CELL, _FEWEST_LYING = re.compile(r"[-+.,\d\s();e]*", re.IGNORECASE), 8  # of numbers over time; cells of a row
 _FEWEST_NUMBERS = 3  # in the first line of a table without titles
 _known = partial(words_of, "foreign")
 
@@ -35,10 +36,16 @@ def table_hint(head: bytes) -> str:
     head : bytes
         Its beginning.
     """
-    lines = [line for line in decoded_head(head).splitlines()[:_TITLE_LINES] if line.strip()]
+    text = decoded_head(head)
+    if "\0" in text:
+        return str(_known()["sentences"]["binary"])
+    lines = [line for line in text.splitlines()[:_TITLE_LINES] if line.strip()]
     rows = [[cell.strip(' "') for cell in _CELLS.split(line)] for line in lines]
     if not any(len(row) > 1 for row in rows):
         return ""
+    lying = [row for row in rows if len(row) > _FEWEST_LYING and row[0] and not _IS_CELL.fullmatch(row[0])]
+    if sum(all(map(_IS_CELL.fullmatch, row[1:])) for row in lying) > 1:
+        return str(_known()["sentences"]["lying"])
     for row in rows:
         plain = [title.lower().rstrip("0123456789_") for title in row]  # x1, y1
         along = [{title[:-1] for title in plain if title.endswith(axis)} for axis in "xyz"]

@@ -117,8 +117,8 @@ _BLANK_LINES = re.compile(rb"[ \t\n]*\n")
 class Lines(Sequence[str]):
     """The lines of a text file without their ends: held as the file's bytes, decoded one by one as they are read.
 
-    A list of lines would take up to twenty times the file, where lines are short. Lines that are asked for in turn are
-    found at once; one that lies before the last is searched from the beginning.
+    A list of lines would take up to twenty times the file, where lines are short. Lines that are asked for in turn, or
+    near the last one, are found at once.
 
     Parameters
     ----------
@@ -153,8 +153,11 @@ class Lines(Sequence[str]):
         index = index + self._length if index < 0 else index
         if not 0 <= index < self._length:
             raise IndexError(index)
-        if index < self._index:
+        if index < self._index // 2:
             self._index, self._start = 0, 0
+        while self._index > index:
+            self._start = self._content.rfind(b"\n", 0, self._start - 1) + 1
+            self._index -= 1
         while self._index < index:
             self._start = self._content.index(b"\n", self._start) + 1
             self._index += 1
@@ -258,21 +261,25 @@ def read_lines(path: Path, sample: Sample | None = None) -> Lines:
         raise FormatError(path, "", "holds zero bytes: it is a binary file or damaged; a text file was expected")
     if b"\r" in content:
         content = content.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-    titles = content[:_TITLES]
-    told = (
-        kind
-        for kind, words in words_of("times")["encodings"].items()
-        if any(word.encode(kind) in titles for word in words)
-    )
-    encoding = next((kind for kind in ("utf-8", *told) if _is_text(content, kind)), "latin-1")
-    return Lines(path, content.removeprefix(_UTF8_MARK), encoding, sample)
+    return Lines(path, content.removeprefix(_UTF8_MARK), _encoding_of(content, final=True), sample)
 
 
 def decoded_head(head: bytes) -> str:
     """Return the beginning of a file as text for sniffing, without a byte order mark; never fails."""
     if wide := _utf16_of(head):
         return head.decode(wide, errors="replace")
-    return head.removeprefix(_UTF8_MARK).decode("latin-1")
+    return head.removeprefix(_UTF8_MARK).decode(_encoding_of(head, final=False), errors="replace")
+
+
+def _encoding_of(content: bytes, *, final: bool) -> str:
+    """Return the encoding of a text, of which the end may be cut off, by what it holds and by words of its titles."""
+    titles = content[:_TITLES]
+    told = (
+        kind
+        for kind, words in words_of("times")["encodings"].items()
+        if any(word.encode(kind) in titles for word in words)
+    )
+    return next((kind for kind in ("utf-8", *told) if _is_text(content, kind, final=final)), "latin-1")
 
 
 def _utf16_of(content: bytes) -> str:
@@ -291,12 +298,12 @@ def _utf8_from_utf16(path: Path, content: bytes, encoding: str) -> bytes:
         raise FormatError(path, f"byte {error.start}", "is not UTF-16 text as its first bytes say") from error
 
 
-def _is_text(content: bytes, encoding: str) -> bool:
+def _is_text(content: bytes, encoding: str, *, final: bool) -> bool:
     decoder = codecs.getincrementaldecoder(encoding)()
     try:
         for start in range(0, len(content), _PIECE):
             decoder.decode(content[start : start + _PIECE])
-        decoder.decode(b"", final=True)
+        decoder.decode(b"", final=final)
     except UnicodeDecodeError:
         return False
     return True

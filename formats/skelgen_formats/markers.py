@@ -4,6 +4,7 @@ import math
 import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -217,10 +218,23 @@ def _without_prefixes(names: Sequence[str], notices: list[str]) -> tuple[str, ..
     """Return names without a subject's prefix (``Nick01:LFHD``) if they stay distinct; say so in `notices`."""
     short = tuple(name.rpartition(":")[2].strip() for name in names)
     prefixes = list(dict.fromkeys(name.rpartition(":")[0] for name in names if ":" in name))
-    if not prefixes or len(set(short)) < len(short) or not all(short):
+    dropped = [f"{prefix}:" for prefix in prefixes]
+    path, behind = _path_of(names)
+    if path:
+        dropped, short = [path, behind], tuple(name.removeprefix(path).removesuffix(behind) for name in names)
+    if not dropped or len(set(short)) < len(short) or not all(short):
         return tuple(names)
-    notices.append(f"dropped from the marker names: {_listed([prefix + ':' for prefix in prefixes])}")
+    notices.append(f"dropped from the marker names: {_listed([*filter(None, dropped)])}")
     return short
+
+
+def _path_of(names: Sequence[str]) -> tuple[str, str]:
+    """Return what all names begin and end with, as ``Main.Study.Output.`` and ``.r``, if they begin with a path."""
+    paths = [re.split(r"(?<=[./])", name)[:-1] for name in names]
+    lead = [parts[0] for parts in takewhile(lambda parts: len({*parts}) == 1, zip(*paths, strict=False))]
+    ends = {match[0] for match in (re.search(r"[./]\w+$", name.removeprefix("".join(lead))) for name in names) if match}
+    is_path = len(lead) > 1 and len(names) > 1  # one part alone may be a side
+    return ("".join(lead), ends.pop() if len(ends) == 1 else "") if is_path else ("", "")
 
 
 def cloud_from_markers(positions: Floats, rate: float, name: str, notices: Sequence[str] = ()) -> PointCloud:

@@ -12,10 +12,10 @@ Layout, comma-separated text::
     0,0.000000,0.123,1.456,-0.789,...                     empty cells are unseen
 
 Until 1.22 no line has a word such as Name or ID at its beginning; 1.25 has Type before the first. Columns of type
-``Marker`` are read; where there are none, those of type ``Rigid Body Marker`` or ``Bone Marker``, which are where
-Motive's model puts the markers; where there are none of these, or with the option `bodies`, the bodies: columns of type
-``Rigid Body`` and ``Bone`` with a position and a quaternion, X Y Z W, or with angles in degrees, X Y Z, which turn a
-body about its own axes in the order that Rotation Type names. Motive has y up; coordinates stay as they are.
+``Marker`` are read; where there are none, those of type ``Rigid Body Marker``, ``Bone Marker`` and the like, which are
+where Motive's model puts the markers; where there are none of these, or with the option `bodies`, the bodies: columns
+of type ``Rigid Body`` and ``Bone`` with a position and a quaternion, X Y Z W, or with angles in degrees, X Y Z, which
+turn a body about its own axes in the order that Rotation Type names. Motive has y up; coordinates stay as they are.
 Where the first line is cut off the times tell the rate, and metres are assumed.
 Machines that use decimal commas export with semicolons; both are understood. A file that is cut off is read so far.
 """
@@ -199,7 +199,8 @@ def _arranged(path: Path, rows: list[list[str]], axes: list[str], first: int) ->
 
 def _markers(titles: _Titles, notices: list[str]) -> list[_Item]:
     """Return the markers; measured ones, or else those of the models."""
-    for kind in _MARKER_TYPES:
+    others = [kind for kind in dict.fromkeys(titles.kinds) if kind.lower().endswith("marker")]
+    for kind in dict.fromkeys([*_MARKER_TYPES, *others]):
         items = [item for item in _items(titles, (kind,)) if item.of(*_PLACE)]
         if items:
             if kind != _MARKER_TYPES[0]:

@@ -19,18 +19,24 @@ from skelgen.errors import FormatError
 from skelgen.geometry.frame_rate import AS_RECORDED_RATE
 from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.model.arrays import Floats
+from skelgen_formats.clock_titles import clock_of
 from skelgen_formats.options import Options
-from skelgen_formats.time_stamps import since_first
+from skelgen_formats.time_stamps import Stamps, since_first
+from skelgen_formats.titles import bodies_of
 from skelgen_formats.turn_titles import AXES
 from skelgen_formats.wide import take_from_table
 
-_POSITIONS = ("positions", "position", "markers", "points", "xyz", "keypoints", "joints", "data", "pos")
+_POSITIONS = (
+    *("positions", "position", "markers", "points", "xyz", "keypoints", "joints", "data", "pos"),
+    *("keypoint", "marker"),
+)
 _NAMES = (
-    *("names", "labels", "markernames", "markername", "markerlabels", "labelsmarker", "pointnames", "keypointnames"),
-    *("bodynames", "jointnames", "bonenames", "markers"),
+    *("names", "labels", "label", "markernames", "markername", "markerlabels", "labelsmarker", "pointnames"),
+    *("keypointnames", "bodynames", "jointnames", "bonenames", "markers", "joints", "keypoints", "points"),
 )
 _RATES = ("rate", "fps", "framerate", "samplingrate", "samplerate", "mocapframerate", "freq", "frequency", "fs")
-_TIMES, _UNITS = ("times", "time", "t", "timestamps"), ("unit", "units")
+_UNITS = ("unit", "units")
+_TITLES = ("columns", "colheaders", "headers", "header", "titles", "variables", "varnames", *_NAMES)
 _BODY_MODEL = {"poses", "trans"}  # of AMASS: angles of SMPL and where its root is
 _SLOWEST, _FASTEST = 1e-6, 1e6  # Hz; beyond, a rate is a damaged number
 _SMOOTHER = 0.25  # of the changes along the other axis: frames follow each other, points need not
@@ -74,8 +80,7 @@ def take_from_arrays(
     if options.sample:
         numbers = numbers[options.sample.of(np.arange(len(numbers)))]
     rate = _number(arrays, _RATES)
-    times = next((one for one in _called(arrays, _TIMES) if one.shape == numbers.shape[:1]), None)
-    stamps = None if times is None or times.dtype.kind not in "fiu" else since_first(times.astype(np.float64), 0.0)
+    stamps = next(_stamps(arrays, len(numbers)), None)
     if rate is not None and _SLOWEST < rate < _FASTEST and options.recorded_rate == AS_RECORDED_RATE:
         stamps = since_first(np.arange(len(numbers)) / rate, 1.0)
     unit = next((str(one) for one in _called(arrays, _UNITS) if one.ndim == 0), "")
@@ -83,9 +88,18 @@ def take_from_arrays(
     return replace(take, notices=(*notices, *take.notices))
 
 
+def _stamps(arrays: Arrays, n_frames: int) -> Iterator[Stamps]:
+    """Yield the times of frames, by the names of arrays."""
+    for key, array in arrays.items():
+        clock = clock_of([key.rpartition(".")[2]]) if array.shape == (n_frames,) and array.dtype.kind in "fiu" else None
+        if clock:
+            yield since_first(array.astype(np.float64), clock.second)
+
+
 def _positions(path: Path, arrays: Arrays, notices: list[str], otherwise: str) -> tuple[NDArray[Any], list[str]]:
     """Return positions, shape (n_frames, n_points, 3), and the names of points."""
     fitting = {key: array for key, array in arrays.items() if _is_of_points(array)}
+    fitting = {k: one for k, one in fitting.items() if 1 not in one.shape and "local" not in k.lower()} or fitting
     named = [key for known in _POSITIONS for key in fitting if _plain(key) == known]
     if len(fitting) > 1 and not named:  # body_pos_w beside body_lin_vel_w
         by_words = [key for key in fitting if {*key.lower().split("_")} & _POSITION_WORDS]
@@ -96,7 +110,8 @@ def _positions(path: Path, arrays: Arrays, notices: list[str], otherwise: str) -
     if not fitting:
         return _joined(path, arrays, notices, otherwise)
     key = (named or [*fitting])[0]
-    _notice_others([other for other in fitting if other != key], notices)
+    numbers = [other for other, array in arrays.items() if array.ndim >= len(AXES) and array.dtype.kind in "fiu"]
+    _notice_others([other for other in numbers if other != key], notices)
     names = _texts(arrays, key)
     positions = _with_frames_first(_with_xyz_last(fitting[key]), len(names))
     if names and len(names) != positions.shape[1] and fitting[key].shape[-1] != len(AXES):
@@ -134,7 +149,7 @@ def _of_ones(array: NDArray[Any]) -> int | None:
     for axis in (2, 0, 1):
         if array.shape[axis] == len(AXES) + 1 and array.size:
             last = array.take(len(AXES), axis=axis)
-            if ((last == 1) | (last != last)).all():  # noqa: PLR0124 - NaN
+            if array.take(range(len(AXES)), axis=axis).any() and ((last == 1) | (last != last)).all():  # noqa: PLR0124 - NaN
                 return axis
     return None
 
@@ -170,6 +185,8 @@ def _joined(path: Path, arrays: Arrays, notices: list[str], otherwise: str) -> t
     x, y, z = axes
     if x is not None and y is not None and z is not None and x.shape == y.shape == z.shape:
         return np.stack([x, y, z], axis=2), _filled(_texts(arrays, ""), x.shape[1], "point")
+    if titled := _titled(arrays):
+        return titled
     names = _texts(arrays, "")
     for array in numbers.values():
         if len(names) >= _FEWEST and array.shape[1] == len(names) * len(AXES):
@@ -190,6 +207,23 @@ def _joined(path: Path, arrays: Arrays, notices: list[str], otherwise: str) -> t
             return np.stack([*points.values()], axis=1), [*points]
     held = ", ".join(f"{key} {array.shape}".strip() for key, array in list(arrays.items())[:6]) or "none"
     raise FormatError(path, "", f"{otherwise}; arrays are {held}"[:280])
+
+
+def _titled(arrays: Arrays) -> tuple[NDArray[Any], list[str]] | None:
+    """Return the points whose coordinates are arrays, or columns of one, with titles such as ``knee_x``."""
+    flat = {key: array.ravel() for key, array in arrays.items() if array.dtype.kind in "fiu" and array.size}
+    tables = [array for array in arrays.values() if array.dtype.kind in "fiu" and array.ndim == 2]
+    texts = [texts.tolist() for texts in _called(arrays, _TITLES) if texts.dtype.kind == "U" and texts.ndim == 1]
+    every = [
+        dict(zip(titles, table.T, strict=True)) for titles in texts for table in tables if table.shape[1] == len(titles)
+    ]
+    for columns in (*every, flat):
+        titles = [*columns]
+        bodies = [body for body in bodies_of(titles) if body.is_placed]
+        places = [[columns[titles[body.place[axis]]] for axis in AXES] for body in bodies]
+        if len(bodies) >= _FEWEST and len({len(one) for place in places for one in place}) == 1:
+            return np.array(places).transpose(2, 0, 1), [body.name for body in bodies]
+    return None
 
 
 def _bodies(path: Path, arrays: Arrays) -> tuple[Floats, list[str]] | None:
@@ -229,7 +263,8 @@ def _called(arrays: Arrays, names: Sequence[str]) -> Iterator[NDArray[Any]]:
 def _texts(arrays: Arrays, key: str) -> list[str]:
     """Return the names of points, empty if there are none."""
     others = {name: array for name, array in arrays.items() if name != key}
-    found = (one for one in _called(others, _NAMES) if one.dtype.kind in "US" and one.ndim == 1)
+    every = [*(array for name, array in others.items() if name == f"{key}.names"), *_called(others, _NAMES)]
+    found = (one for one in every if one.dtype.kind in "US" and one.ndim == 1)
     texts = next(found, np.array([], dtype=np.str_)).tolist()
     return [text.decode("latin-1") if isinstance(text, bytes) else str(text) for text in texts]
 

@@ -72,7 +72,7 @@ def read_qualisys(path: Path, sample: Sample | None = None) -> Trajectories | Po
         raise FormatError(path, header["DATA_INCLUDED"][0], what)
     if not header:
         what = "no header; export TSV from Track Manager with its header, in which the names stand"
-        raise FormatError(path, 1, f"{what}, or write titles over the columns (of BIDS, the names of its channels.tsv)")
+        raise FormatError(path, 1, f"{what}, or write titles over the columns")
     notices: list[str] = []
     if of_bodies:
         _, names = stated_in(path, header, "BODY_NAMES")

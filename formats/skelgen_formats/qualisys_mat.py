@@ -29,6 +29,7 @@ from skelgen_formats.bodies import blank_unseen, row_by_row, take_from_bodies
 from skelgen_formats.markers import check_frames, scaled, take_from_markers, zeros_unseen
 from skelgen_formats.named_arrays import take_from_arrays
 from skelgen_formats.options import POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
+from skelgen_formats.turn_titles import AXES
 
 _MAGIC = b"MATLAB 5.0 MAT-file"
 _HEADER_BYTES, _ENDIAN_AT = 128, 126
@@ -91,7 +92,7 @@ def read_qualisys_mat(path: Path, options: Options) -> Trajectories | PointCloud
             return _bodies(path, of_bodies[0])
         held = [*_flat(dict(zip(names, variables, strict=True)))]
         count = Counter(name for name, _, _ in held)
-        arrays = {owner if owner and count[name] > 1 else name: array for name, owner, array in held}
+        arrays = {_called(name, owner, count): array for name, owner, array in held}
         return take_from_arrays(path, arrays, options, _NO_POINTS)
     rate, frames = (_number(found[0].get(name)) for name in ("FrameRate", "Frames"))
     if rate is None or not 0 < rate < np.inf:
@@ -102,6 +103,13 @@ def read_qualisys_mat(path: Path, options: Options) -> Trajectories | PointCloud
     if frames is not None and 0 <= frames < 1e9:
         check_frames(path, "Frames", int(frames), len(positions), notices)
     return take_from_markers(path, scaled(path, zeros_unseen(positions), _MM), labels, rate, notices)
+
+
+def _called(name: str, owner: str, count: Mapping[str, int]) -> str:
+    """Return what an array is called: as its struct, where others have its name, too."""
+    if not owner or count[name] < 2:
+        return name
+    return f"{owner}_{name}" if name.lower() in {*AXES} else owner
 
 
 def _bodies(path: Path, held: Mapping[str, _Value]) -> Poses:
@@ -168,6 +176,8 @@ def _flat(held: Mapping[str, _Value], owner: str = "") -> Iterator[tuple[str, st
             yield name, owner, np.array(value, dtype=np.str_)
         elif isinstance(value, list) and len(value) == 1:
             yield from _flat({name: value[0]}, owner)
+        elif isinstance(value, list) and len({np.shape(one) for one in value if isinstance(one, np.ndarray)}) == 1:
+            yield name, owner, np.stack([one for one in value if isinstance(one, np.ndarray)], axis=1)
         elif isinstance(value, list):
             for one in (one for one in value if isinstance(one, Mapping)):
                 yield from _flat(one, next((text for text in one.values() if isinstance(text, str)), name))

@@ -21,6 +21,7 @@ from skelgen.progress import SILENT, Monitor
 from skelgen_formats import (
     acclaim,
     arrays,
+    bids,
     bvh,
     c3d,
     cal3d,
@@ -30,6 +31,7 @@ from skelgen_formats import (
     dtrack,
     emt,
     gltf,
+    json_points,
     mfml,
     mjcf,
     motion_csv,
@@ -37,6 +39,7 @@ from skelgen_formats import (
     mvnx,
     nexus,
     opensim,
+    parquet_tables,
     poses_csv,
     qualisys,
     qualisys_mat,
@@ -67,11 +70,12 @@ _EARLIER_NAMES = {"seed-xml": "classic-xml"}  # of formats in skelgen 0.1, which
 
 
 FORMATS: tuple[Format, ...] = (
-    *(c3d.C3D, trc.FORMAT, csm.FORMAT, qualisys.FORMAT, motive.FORMAT, nexus.FORMAT, mvnx.FORMAT, arrays.FORMAT),
+    *(c3d.C3D, trc.FORMAT, csm.FORMAT, bids.FORMAT, qualisys.FORMAT, motive.FORMAT, nexus.FORMAT, mvnx.FORMAT),
+    *(arrays.FORMAT, json_points.FORMAT),
     *(qualisys_mat.FORMAT, tdf.FORMAT, emt.FORMAT, dtrack.FORMAT, tracking_tools.FORMAT),
     *(motion_csv.JOINTS_CSV, motion_csv.ANGLES_CSV, tables.CSV, tables.PARQUET, c3d.C3D_JOINTS, poses_csv.FORMAT),
     *(classic_xml.FORMAT, cal3d.FORMAT, opensim.FORMAT, urdf.FORMAT, mjcf.FORMAT, bvh.FORMAT, acclaim.FORMAT),
-    *(gltf.FORMAT, usd.FORMAT, summary_json.FORMAT, tidy.FORMAT, wide.CSV, wide.PARQUET, vectors.FORMAT),
+    *(gltf.FORMAT, usd.FORMAT, summary_json.FORMAT, tidy.FORMAT, wide.CSV, parquet_tables.FORMAT, vectors.FORMAT),
     *(untitled.FORMAT, mfml.FORMAT, classic_texts.LIMBS, classic_texts.COSTS, classic_texts.TREE),
 )
 """All formats, in the order in which they are sniffed: the most particular content first."""

@@ -16,10 +16,10 @@ from skelgen.errors import FormatError
 from skelgen.model.arrays import Floats, Ints
 from skelgen.progress import counted
 from skelgen_formats.body_columns import Body
-from skelgen_formats.table_heads import Head
 from skelgen_formats.table_rows import notice_skipped
 from skelgen_formats.text import is_number
 from skelgen_formats.time_stamps import Stamps
+from skelgen_formats.title_lines import Head
 
 _MOST_TIMES, _FREE_NUMBERS = 16, 1 << 22  # numbers that frames may have beside those that are listed
 

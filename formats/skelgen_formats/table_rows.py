@@ -2,16 +2,23 @@
 
 import contextlib
 import math
+import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 from skelgen.progress import counted
-from skelgen_formats.table_heads import Head
 from skelgen_formats.text import is_number, is_unseen, seconds_of, unquoted
+from skelgen_formats.title_lines import Head
 
-_COMMENTS = ("#", "%", "//")
+_RULED, _RULE = ("|-", "| ", "--", "==", "+-", "|:"), "-=|:+ "  # of tables in Markdown
+_FLAG = re.compile(r"\b(?:true|false)\b", re.IGNORECASE)
+_COMMENTS, _MARKS = ("#", "%", "//"), "<*["  # the latter are no numbers, either
 _LONG_STEP = 1000  # frames; where more are missing, it does not matter how many
+
+
+FOLLOWING = "rows of several takes or people follow each other, and are taken as one; write each into a file of its own"
+"""A notice of several takes in a table, behind what tells."""
 
 
 def until_other_table(numbered: Iterable[tuple[int, str]], head: Head) -> Iterator[tuple[int, str]]:
@@ -83,6 +90,21 @@ def unquoted_rows(lines: Iterable[tuple[int, str]], delimiter: str | None, least
             yield number, unquoted(line, delimiter)
 
 
+def with_flags(numbered: Iterable[tuple[int, str]], head: Head) -> Iterator[tuple[int, str]]:
+    """Yield lines with 1 and 0 for true and false, if flags say which points are seen.
+
+    Parameters
+    ----------
+    numbered : iterable of (number, line)
+        Of rows.
+    head : Head
+        Of the table.
+    """
+    are_there = any(body.flag is not None for body in head.bodies)
+    for number, line in numbered:
+        yield number, _FLAG.sub(lambda flag: f"{int(flag[0].lower() == 'true')}", line) if are_there else line
+
+
 def without_remarks(
     numbered: Iterable[tuple[int, str]], delimiter: str | None, count: int | None, notices: list[str]
 ) -> Iterator[tuple[int, str]]:
@@ -103,8 +125,10 @@ def without_remarks(
     """
     left_out, is_counted = [], None
     for number, line in numbered:
-        cells = [] if is_counted is not None and not line[:1].isalpha() else line.split(delimiter)
-        if line.startswith(_COMMENTS) or (cells and not _is_row(cells, count if is_counted else None)):
+        is_word = line[:1].isalpha() or line[:1] in _MARKS
+        cells = [] if is_counted is not None and not is_word else line.split(delimiter)
+        is_remark = line.startswith(_COMMENTS) or (line[:2] in _RULED and not line.strip(_RULE))
+        if is_remark or (cells and not _is_row(cells, count if is_counted else None)):
             left_out.append(f"{number}")
             continue
         if is_counted is None:
@@ -148,14 +172,14 @@ def with_seconds(numbered: Iterable[tuple[int, str]], head: Head) -> Iterator[tu
 
 
 def in_order(numbered: Iterable[tuple[int, str]], frames: int, head: Head, *, every: bool) -> Iterator[tuple[int, str]]:
-    """Yield lines; say once where frame numbers go back, as where takes or people follow each other, or leave some out.
+    """Yield lines; say once where frames or times go back, as takes follow each other, or leave some out.
 
     Parameters
     ----------
     numbered : iterable of (number, line)
         With all cells.
     frames : int
-        The column of frame numbers.
+        The column of frame numbers, or of times.
     head : Head
         Of the table; gets notices.
     every : bool
@@ -170,9 +194,9 @@ def in_order(numbered: Iterable[tuple[int, str]], frames: int, head: Head, *, ev
             steps[min(int(step), _LONG_STEP)] += 1
         yield number, line
     if back:
-        what = "rows of several takes or people follow each other, and are taken as one"
-        head.notices.append(f"frame numbers go back in line {back}: {what}")
-    elif every:
+        what = "frame numbers" if frames == head.frames else "times"
+        head.notices.append(f"{what} go back in line {back}: {FOLLOWING}")
+    elif every and frames == head.frames:
         notice_skipped(steps, head.notices)
 
 

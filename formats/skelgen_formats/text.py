@@ -20,8 +20,12 @@ from skelgen.progress import counted
 
 _UNSEEN_WORDS = frozenset(
     {"", "nan", "null", "none", "-", "--", "---", "n/a", "n/d", "na", "#n/a", "<na>", ".", "missing", "undefined"}
+    | {"?", "*", "\\n", "#value!", "#div/0!", "#num!", "#ref!"}
 )
+_UNSEEN_CELLS = {"occluded", "hidden", "lost", "unseen", "invalid", "dropout", "void", "err", "error"}  # titles, too
 _NO_NUMBER = re.compile(r"-?(nan|1\.#(?:ind|qnan|snan)0*|nan\((?:ind|snan)\))")  # as programs of Windows print NaN
+_DECIMAL_COMMA = re.compile(r"\s*[-+]?(?:0,\d+|\d+,(?!\d{3}\s*$)\d+)(?:e[-+]?\d+)?\s*", re.IGNORECASE)
+_FORTRAN = re.compile(r"[-+]?[\d.]+D[-+]?\d+", re.IGNORECASE)
 _QUOTED = re.compile(r'"([^"]*)"')  # a cell in quotes, which may hold what parts cells
 _CLOCK = re.compile(r"(?:(\d+) days? |\S+[ T])?(\d{1,3}):(\d\d):(\d\d(?:[.,]\d+)?)(?: ?([AP])M)?", re.IGNORECASE)
 _LASTED = re.compile(r"(\d+(?:\.\d+)?(?:e-?\d+)?) ?(ms|s|sec|min)", re.IGNORECASE)
@@ -68,7 +72,14 @@ def unquoted(line: str, delimiter: str | None) -> str:
     delimiter : str or None
         What separates cells, None for blanks.
     """
-    return _QUOTED.sub(lambda cell: cell[1].replace(delimiter or " ", " "), line) if '"' in line else line
+    return (
+        _QUOTED.sub(lambda cell: _with_decimals(cell[1]).replace(delimiter or " ", " "), line) if '"' in line else line
+    )
+
+
+def _with_decimals(text: str) -> str:
+    """Return the text of a cell in quotes with a decimal point for a comma, where that parts no thousands."""
+    return text.replace(",", ".") if _DECIMAL_COMMA.fullmatch(text) else text
 
 
 def seconds_of(text: str) -> str:
@@ -119,6 +130,10 @@ def is_unseen(text: str) -> bool:
     return text.lower() in _UNSEEN_WORDS or _NO_NUMBER.fullmatch(text.lower()) is not None
 
 
+def _is_unseen_cell(text: str) -> bool:
+    return is_unseen(text) or text.lower() in _UNSEEN_CELLS
+
+
 def is_number(text: str) -> bool:
     """Whether a cell without blanks around it holds a number, with a decimal point or comma, or a word for none."""
     with contextlib.suppress(ValueError):
@@ -160,7 +175,7 @@ def number_or_nan(path: Path, place: str | int, text: str, what: str) -> float:
     try:
         return _parsed(text)
     except ValueError:
-        return math.nan if is_unseen(text.strip()) else number_in(path, place, text, what)
+        return math.nan if _is_unseen_cell(text.strip()) else number_in(path, place, text, what)
 
 
 def stated_in(path: Path, header: Mapping[str, tuple[int, list[str]]], key: str) -> tuple[int, list[str]]:
@@ -327,7 +342,7 @@ def _row(path: Path, cells: Sequence[str], number: int, delimiter: str | None, *
 
 def _cell(path: Path, cell: str, number: int, column: int, delimiter: str | None) -> float:
     text = cell.strip()
-    if is_unseen(text):
+    if _is_unseen_cell(text):
         return math.nan
     try:
         return _parsed(text if delimiter == "," else _with_point(text))
@@ -342,7 +357,11 @@ def _with_point(text: str) -> str:
 def _parsed(text: str) -> float:
     if "_" in text:  # Python reads 1_000 as a number; no capture program writes that
         raise ValueError(text)
-    return float(text)
+    try:
+        return float(text)
+    except ValueError:
+        other = text.strip().replace("\u2212", "-")  # a minus as it is printed
+        return float(other.upper().replace("D", "E") if _FORTRAN.fullmatch(other) else other)
 
 
 def _shown(text: str) -> str:

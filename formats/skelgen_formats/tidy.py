@@ -24,11 +24,11 @@ from skelgen.progress import counted
 from skelgen_formats.lines import Lines, decoded_head, read_lines
 from skelgen_formats.options import ANGLE_ORDER, AUTO, POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
 from skelgen_formats.row_owners import spread
-from skelgen_formats.table_heads import UNREAD_QUATERNION
-from skelgen_formats.table_rows import notice_skipped, without_remarks
+from skelgen_formats.table_rows import FOLLOWING, notice_skipped, without_remarks
 from skelgen_formats.text import is_number, number_or_nan, seconds_of, unquoted
 from skelgen_formats.tidy_heads import AXIS_IN_NAME, TidyHead, find_tidy_head
 from skelgen_formats.time_stamps import since_first
+from skelgen_formats.title_lines import UNREAD_QUATERNION
 from skelgen_formats.turn_titles import AXES, numbered_quaternions
 from skelgen_formats.wide import take_from_head
 
@@ -38,12 +38,14 @@ _LONG_STEP = 1000.0  # frames; where more are missing, it does not matter how ma
 
 @dataclass
 class _Rows:
-    """What the rows hold: of each the frame, the point and its numbers; names of points, times by frame, notices."""
+    """What the rows hold: of each the frame, trial, point and numbers; names of points, times by frame, notices."""
 
     frames: "array[float]" = field(default_factory=lambda: array("d"))
+    trials: "array[int]" = field(default_factory=lambda: array("q"))
     points: "array[int]" = field(default_factory=lambda: array("q"))
     numbers: "array[float]" = field(default_factory=lambda: array("d"))
     names: dict[tuple[str, ...], int] = field(default_factory=dict)
+    takes: dict[str, int] = field(default_factory=dict)
     times: dict[float, float] = field(default_factory=dict)
     notices: list[str] = field(default_factory=list)
 
@@ -80,21 +82,24 @@ def read_tidy(path: Path, lines: Lines, options: Options) -> Trajectories | Poin
         at["group"] = at["side"]
         rows = _rows(path, lines, head)
     head.notices += rows.notices
-    every, places = np.unique(np.frombuffer(rows.frames), return_inverse=True)
-    n_names, width = len(rows.names), len(head.columns)
-    if np.isnan(every).any():
+    frames, n_names, width = np.frombuffer(rows.frames), len(rows.names), len(head.columns)
+    if not np.isfinite(frames).all():
         raise FormatError(path, "", "holds rows without a frame")
+    if len(rows.takes) > 1:
+        head.notices.append(f"{head.titles[at['trial']]} changes: {FOLLOWING}")
+        frames = frames + np.frombuffer(rows.trials, dtype=np.int64) * (np.ptp(frames) + 1.0)
+    every, places = np.unique(frames, return_inverse=True)
     if "name" not in at and n_names == 1 and width == len(AXES):
         what = "one position per frame, and no column of names: a single point has no skeleton"
         raise FormatError(path, 1, "; ".join([what, *head.notices]))
     points = np.frombuffer(rows.points, dtype=np.int64)
     _check_rows(path, head, places, points)
-    if head.frames is not None:
+    if head.frames is not None and len(rows.takes) < 2:
         notice_skipped(Counter(np.diff(every).clip(max=_LONG_STEP).astype(int).tolist()), head.notices)
     cells = np.frombuffer(rows.numbers).reshape(-1, width)
     shape = (len(every), n_names * _n_points_of_name(head))
     numbers = spread(path, cells, np.stack([places, points], axis=1), shape)
-    times = np.array([rows.times[frame] for frame in every.tolist() if rows.times])
+    times = np.array([rows.times[frame] for frame in every.tolist() if frame in rows.times])  # of the first trial
     stamps = since_first(times, head.clock.second) if len(times) and head.clock else None
     bodies = [f"body {number + 1}" if number else "body" for number in range(n_names)]
     names = bodies if width > len(AXES) and "name" not in at else _distinct([*rows.names])
@@ -143,6 +148,7 @@ def _rows(path: Path, lines: Lines, head: TidyHead) -> _Rows:
         count[frame,] += 1
         name = name or (f"*{count[frame,]}",)
         rows.frames.append(frame)
+        rows.trials.append(rows.takes.setdefault(cells[at["trial"]] if "trial" in at else "", len(rows.takes)))
         rows.points.append(rows.names.setdefault(name, len(rows.names)) * _n_points_of_name(head) + along)
         if clock and frame not in rows.times:
             rows.times[frame] = number_or_nan(path, number, time, "the time")

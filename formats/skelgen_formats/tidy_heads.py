@@ -11,12 +11,14 @@ from itertools import groupby
 
 from skelgen_formats.body_columns import Body
 from skelgen_formats.clock_titles import clock_of, is_frame
-from skelgen_formats.table_heads import CAMEL, DELIMITERS, Head
+from skelgen_formats.table_heads import CAMEL, DELIMITERS, with_row_names
 from skelgen_formats.text import is_number, unquoted, words_of
+from skelgen_formats.title_lines import Head
 from skelgen_formats.titles import bodies_of, nameless_body, spelt
+from skelgen_formats.turn_titles import AXES
 
 _ENDS = (
-    ("_name", "_label", ""),
+    ("_name", "_label", "", "s"),
     ("_id", "_index", "id", "_idx", "_number", "_no"),
 )  # of titles of names; those of the first stand for words
 _COMMENTS = ("#", "%")
@@ -25,6 +27,8 @@ AXIS_IN_NAME = re.compile(r"(?:[_ .:-][xyzXYZ]|(?<=[a-z0-9])[XYZ])$")
 """Where names of points end with the axis of a value."""
 
 _FRAME_OF_ROS = "frame_id"  # a name, not a number
+_NUMBERED = 4  # lines of titles and rows that tell whether these begin with their number
+_FEWEST_TITLES = 3  # frame, name and value
 _LOOKED_AT = 1024  # rows that tell whether numbers are names of points
 
 
@@ -51,9 +55,10 @@ def find_tidy_head(lines: Sequence[str]) -> TidyHead | None:
     """
     for index, line in enumerate(lines):
         for delimiter in (one for one in DELIMITERS if one or not any(filter(None, map(line.count, ",;\t")))):
-            cells = unquoted(line.lstrip("#% "), delimiter).split(delimiter)
-            titles = spelt([cell.strip().strip('"') for cell in cells])
-            if head := _head_of(titles, partial(_column, lines, index + 1, delimiter)):
+            rows = [unquoted(one.lstrip("#% "), delimiter).split(delimiter) for one in lines[index : index + _NUMBERED]]
+            titles = spelt([cell.strip().strip('"') for cell in with_row_names([rows[0], *filter(any, rows[1:])])[0]])
+            cells_of = partial(_column, lines, index + 1, delimiter)
+            if len(titles) >= _FEWEST_TITLES and (head := _head_of(titles, cells_of)):
                 head.delimiter, head.n_lines = delimiter, index + 1
                 return head
         if line.strip() and not line.startswith(_COMMENTS):
@@ -96,6 +101,9 @@ def _head_of(titles: Sequence[str], cells_of: Callable[[int], list[str]]) -> Tid
     values = [column for column, title in enumerate(titles) if _VALUE.fullmatch(title) and column != at.get("axis")]
     if values and "name" in at and AXIS_IN_NAME.search("".join(cells_of(at["name"])[:1])):
         at.setdefault("axis", at["name"])  # knee_x, as pandas melts tables
+    elif values and "axis" not in at:
+        of_axes = [column for column in range(len(titles)) if {*map(str.lower, cells_of(column))} == {*AXES}]
+        at |= zip(["axis"], of_axes, strict=False)
     is_by_axis = bool(values and (clock or frames)) and at.keys() >= {"name", "axis"} and not body.place
     if is_by_axis:
         at["value"], value = values[0], _VALUE.fullmatch(titles[values[0]])

@@ -13,6 +13,7 @@ _SLOW, _FAST = 5.0, 2000.0  # Hz, of cameras: times of which no title names the 
 _OTHER_UNITS = {"ms": 1e-3, "µs": 1e-6, "ns": 1e-9, "ticks of 100 ns": 1e-7}  # s
 _EPOCH, _LONGEST = (1e9, 4e9), 2.0  # s since 1970, of clocks between 2001 and 2096, and of the steps of such times
 _SINCE_1, _SINCE_1601 = 62135596800.0, 11644473600.0  # s until 1970, from where .NET and Windows count ticks
+_FEW_BACK = 0.05  # of the steps between times, that may go back
 _MOST = 0.75  # of the times, that must be there and rise: some repeat one, or write 0 where nothing is seen
 
 
@@ -33,6 +34,9 @@ class Stamps:
         """
         times = self.since[np.isfinite(self.since) & (self.since >= 0.0)]
         steps = np.diff(times)
+        if (steps < 0).any() and (steps < 0).sum() <= _FEW_BACK * len(steps):  # takes follow each other
+            steps = np.where(steps < 0, np.median(steps), steps)
+            times = np.concatenate([times[:1], times[0] + np.cumsum(steps)])
         if not len(steps) or (steps < 0).any() or min(len(times), (steps > 0).sum() + 1) < _MOST * len(self.since):
             return AS_RECORDED_RATE
         rate = rate_of(times)

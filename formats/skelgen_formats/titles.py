@@ -30,7 +30,7 @@ from skelgen_formats.turn_titles import (
 )
 
 _LENGTH = r"(?:mm|cm|m|(?:milli|centi)?met(?:er|re)s?|inch(?:es)?|ft|feet|(?<=[\[(])in)"
-_UNIT = re.compile(rf"(.*?[xyz123][\])]?)(?: ?/ ?|[ _]{{0,2}}[\[(]?)({_LENGTH})[\])]?", re.IGNORECASE)
+_UNIT = re.compile(rf"(.*?[xyz123][\])]?)(?: ?/ ?|[ _-]{{0,2}}[\[(]?)({_LENGTH})[\])]?", re.IGNORECASE)
 _PLACE_WORD = (
     rf"(?:(?:local|global|world){BETWEEN}?)?"
     rf"(?:posi?|position|trans|translation|loc|location|coord|coords|coordinate){BETWEEN}?"
@@ -51,16 +51,24 @@ _FLAG = re.compile(
     re.IGNORECASE,
 )
 _IS_ANGLE = re.compile(r".*(?:euler|rotvec|rot|rotation|ori|orientation)[ _.:-]?[xyz]", re.IGNORECASE)
+_AXIS_WORD = "axis|coord(?:inate)?|koordinate|achse|座標|坐标|좌표"
 _VERSION = r"3d|filt\w*|smooth\w*|interp\w*|raw"
+_OF_VERSION = re.compile(rf"(.+{BETWEEN}[xyz]){BETWEEN}(?:{_VERSION})", re.IGNORECASE)
 _NO_NAME = rf"(?:{_LENGTH}|std\w*|err\w*|{_VERSION})"
 _SPELT = (
     # p_RS_R_x [m], q_RS_w [] of EuRoC
     (re.compile(r"([pq])(?:_[A-Z]{1,3}){1,3}_([wxyz](?: \[m\])?)(?: \[\])?"), r"\1_\2"),
     (re.compile(r"\('?(.{1,200}?)'?[, ]{1,3}'(.{1,20})'\)"), r"\1_\2"),  # ('knee', 'x') of pandas
     (re.compile(rf"{_PLACE_WORD}([xyz]){BETWEEN}(?!{_NO_NAME}$)(\w.{{0,200}})", re.IGNORECASE), r"\2_\1"),  # Pos_X_knee
-    (re.compile(r"(.*?(?<![a-z])[xyz])[-_ ]?(?:axis|coord(?:inate)?|koordinate|achse)(\W.*)?", re.IGNORECASE), r"\1\2"),
-    (re.compile(rf"(.+{BETWEEN}[xyz]){BETWEEN}(?:{_VERSION})", re.IGNORECASE), r"\1"),
-    (re.compile(r"(t[xyz])_([a-z]\w{2,200})", re.IGNORECASE), r"\2_\1"),  # tx_left_wrist_device of Aria
+    (re.compile(rf"(.*?(?<![a-z])[xyz])[-_ ]?(?:{_AXIS_WORD})(\W.*)?", re.IGNORECASE), r"\1\2"),
+    (_OF_VERSION, r"\1"),
+    (re.compile(rf"(.+{BETWEEN})([xyz]){BETWEEN}(l|r|left|right)", re.IGNORECASE), r"\1\3_\2"),  # knee_x_L
+    (re.compile(r"(.+?) ?\[[#-]?\]"), r"\1"),  # Sensor 1 Q0 []
+    (re.compile(rf"(.+{BETWEEN}[xyz]) ?\((?:ap|ml|v|si|is|pd|lat|vert|up)\)", re.IGNORECASE), r"\1"),  # knee_X(AP)
+    (re.compile(rf"(.+?) ?[\[(]({_LENGTH})[\])]({BETWEEN}[xyz])", re.IGNORECASE), r"\1\3 [\2]"),  # knee_pos[m]_x
+    (re.compile(rf"([xyz]) ?[\[(]({_LENGTH})[\])]{BETWEEN}(.+)", re.IGNORECASE), r"\3_\1 [\2]"),  # X [mm] knee
+    (re.compile(r"([tp][xyz])_([a-z]\w{1,200})", re.IGNORECASE), r"\2_\1"),  # tx_left_wrist_device of Aria
+    (re.compile(r"([xyz]) of (.+)", re.IGNORECASE), r"\2_\1"),
     (re.compile(rf"([wxyz]){BETWEEN}(position|rotation|orientation)(\W.*)?", re.IGNORECASE), r"\2_\1\3"),
 )
 """What stands around an axis in other spellings, and how such titles are read."""
@@ -97,7 +105,7 @@ def bodies_of(titles: Sequence[str]) -> list[Body]:
 
 
 def spelt(titles: Sequence[str]) -> list[str]:
-    """Return titles in the usual spelling, but those that there are in it already: knee_x beside knee_x_raw.
+    """Return titles in the usual spelling, but those that there are in it already: knee_x_raw beside knee_x.
 
     Parameters
     ----------
@@ -107,7 +115,9 @@ def spelt(titles: Sequence[str]) -> list[str]:
     plain, lower = [], [*map(str.lower, titles)]
     for title in map(str.strip, titles):
         other = next((match.expand(usual) for one, usual in _SPELT if (match := one.fullmatch(title))), title)
-        beside = other in titles or f"f{title[1:]}".lower() in lower  # or a torque, tx_plate beside fx_plate
+        is_second = other != title and other in plain and titles.count(title) == 1
+        # or a torque, tx_plate beside fx_plate
+        beside = is_second or other in titles or f"f{title[1:]}".lower() in lower
         plain.append(title if beside else other)
     return plain
 
@@ -123,7 +133,7 @@ def with_axes(titles: Sequence[str]) -> list[str]:
     found, at, n_points = [*titles, "", ""], 0, 0
     while at < len(titles):
         name, *others = found[at : at + 3]
-        is_blank = is_number(name) or is_unseen(name.strip(",;[]"))
+        is_blank = is_number(name) or is_unseen(name.strip(",;[]")) or not any(map(str.isalpha, name))
         if name and others in (["", ""], [name] * 2, [f"{name}.1", f"{name}.2"]) and not is_blank:
             found[at : at + 3] = [f"{name}_{axis}" for axis in AXES]
             at, n_points = at + 2, n_points + 1
@@ -198,12 +208,17 @@ def not_taken(titles: Sequence[str], bodies: Sequence[Body]) -> list[str]:
         From `bodies_of`.
     """
     taken = {column for body in bodies for column in body.every_column}
+    second = [title for title in spelt(titles) if _OF_VERSION.fullmatch(title)]
     titles = undoubled(spelt(titles))
     every = [body for parsed in (_axis_last, _axis_first, _axis_and_number) for body in _gathered(titles, parsed)]
     others = [body for body in every if body.name and not body.every_column & taken]
     turned = [body.name for body in others if not body.place and (body.is_turned or body.has_angles)]
     placed = [body.name for body in others if body.is_placed]
-    kinds = (("rotations without positions", turned), ("points whose titles are of another form", placed))
+    kinds = (
+        ("rotations without positions", turned),
+        ("points whose titles are of another form", placed),
+        ("second versions of coordinates", second),
+    )
     return [f"{kind} are left out: {', '.join([*dict.fromkeys(names)][:8])}" for kind, names in kinds if names]
 
 

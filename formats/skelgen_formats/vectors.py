@@ -1,10 +1,10 @@
 """Tables whose cells are vectors: the storage of OpenSim with ``DataType=Vec3``, and what scripts write of lists.
 
 In OpenSim's files, behind a header that ends with ``endheader``, cells are parted by tabs, and hold ``0.1,0.2,0.3``. In
-others they hold ``(0.1, 0.2, 0.3)`` or ``[0.1 0.2 0.3]``, in quotes or not, below titles that are names of points. Each
-vector is spread over three columns, name_x, name_y, name_z, one of four numbers and unit length, as Unity writes
-rotations, over name_qx, name_qy, name_qz, name_qw, a list of vectors over name_1_x and so on; and the table is read as
-`skelgen_formats.wide` does.
+others they hold ``(0.1, 0.2, 0.3)`` or ``[0.1 0.2 0.3]``, in quotes or not, or ``X=0.1 Y=0.2 Z=0.3``, below titles that
+are names of points. Each vector is spread over three columns, name_x, name_y, name_z, one of four numbers and unit
+length, as Unity writes rotations, over name_qx, name_qy, name_qz, name_qw, a list of vectors over name_1_x and so on;
+and the table is read as `skelgen_formats.wide` does.
 """
 
 import contextlib
@@ -26,6 +26,11 @@ from skelgen_formats.wide import read_table
 
 _END_OF_HEADER, _TYPE = "endheader", re.compile(r"\s*DataType\s*=\s*(\w+)\s*", re.IGNORECASE)
 _VECTOR = re.compile(r"(?:array|Vector3?)?[\[(]{1,3}([^\[\]()]{0,200})[\])]{1,3}")
+_NUMBER = r"\s*[=:]\s*([-+.\de]+)"
+_LABELLED = re.compile(
+    rf"(?:[({{]\s*)?(['\"]?)x\1{_NUMBER}[,;\s]+\1y\1{_NUMBER}[,;\s]+\1z\1{_NUMBER}(?:[,;\s]+\1w\1{_NUMBER})?[)}}]?",
+    re.IGNORECASE,
+)  # X=1.0 Y=2.0 Z=3.0 of Unreal, {'x': 1.0, 'y': 2.0, 'z': 3.0} of Python
 _PARTING = re.compile(r"[,;\s]+")
 _BETWEEN_VECTORS = "  "  # of a list, in a cell whose numbers are parted by one blank
 _DELIMITERS = ";\t,"
@@ -35,13 +40,15 @@ _UNIT_TOLERANCE = 1e-3  # of the length of quaternions
 _PATH_IN_NAME = re.compile(r"(?:.*/)?([^/|]+)(?:\|.*)?")  # of OpenSim's outputs: /markerset/LASI|location
 
 
-def read_vectors(path: Path, options: Options) -> Trajectories | PointCloud | Poses:
-    """Read a table of vectors.
+def read_vector_lines(path: Path, lines: Lines, options: Options) -> Trajectories | PointCloud | Poses:
+    """Read a table of vectors from its lines.
 
     Parameters
     ----------
     path : Path
-        The file.
+        The file, for errors.
+    lines : Lines
+        Of the table.
     options : Options
         `points`, `recorded_rate` and `recorded_unit` count.
 
@@ -50,7 +57,6 @@ def read_vectors(path: Path, options: Options) -> Trajectories | PointCloud | Po
     FormatError
         If no column holds vectors, or a row is not as long as the titles.
     """
-    lines = read_lines(path)
     at = _first_row(lines[:_LOOKED_AT])
     if at is None:
         raise FormatError(path, 1, "no cells with vectors such as (1.0, 2.0, 3.0) below titles were found")
@@ -76,15 +82,20 @@ def _first_row(lines: Sequence[str]) -> int | None:
             return index + 2 if kinds == ["vec3"] and index + 2 < len(lines) else None
         if index and lines[index - 1].strip() and _has_vector(line, or_empty=True):
             names, delimiter = _titles(lines, index)
-            is_table = len(_cells(line, delimiter)) == len(names) > 1
+            is_table = len(_cells(line, delimiter)) == len(names) > 1 and not all(map(is_number, names[1:]))
             return index if is_table and any(map(_has_vector, lines[index:])) else None
     return None
 
 
 def _has_vector(line: str, *, or_empty: bool = False) -> bool:
     """Whether a line holds a vector, or brackets with nothing in them."""
-    found = [_PARTING.split(text.strip()) for text in _VECTOR.findall(line)]
+    found = [_PARTING.split(text.strip()) for text in _VECTOR.findall(_bracketed(line))]
     return any(or_empty if parts == [""] else len(parts) == len(AXES) and all(map(is_number, parts)) for parts in found)
+
+
+def _bracketed(line: str) -> str:
+    """Return a line with vectors in brackets where their numbers have names."""
+    return _LABELLED.sub(lambda cell: f"({' '.join(filter(None, cell.groups()[1:]))})", line)
 
 
 def _titles(lines: Sequence[str], at: int) -> tuple[list[str], str]:
@@ -99,12 +110,14 @@ def _cells(line: str, delimiter: str) -> list[str]:
     """Return the cells of a row; blanks part the numbers of a vector."""
     if delimiter == "\t":
         line = line.replace(",", " ")
-    plain = _VECTOR.sub(lambda vector: " ".join(_PARTING.split(vector[1].strip())), line)
+    plain = _VECTOR.sub(lambda vector: " ".join(_PARTING.split(vector[1].strip())), _bracketed(line))
     return [cell.strip().strip('"') for cell in unquoted(plain, delimiter).split(delimiter)]
 
 
 def _ends(cells: Sequence[str], size: int) -> tuple[str, ...]:
     """Return how the titles of a column's numbers end: those of a vector, of several, of a quaternion, or none."""
+    if not all(is_number(word) for cell in cells for word in cell.split()):
+        return ()
     if size % len(AXES) == 0 and any(_BETWEEN_VECTORS in cell for cell in cells):
         return tuple(f"{number + 1}_{axis}" for number in range(size // len(AXES)) for axis in AXES)
     lengths = []
@@ -161,7 +174,7 @@ FORMAT = Format(
     suffixes=(".csv",),
     holds="markers",
     sniff=_has_vectors,
-    read=read_vectors,
+    read=lambda path, options: read_vector_lines(path, read_lines(path), options),
     options=(POINTS, BODIES, RECORDED_RATE, RECORDED_UNIT),
     note="A vector per cell, or a list of them: .sto of OpenSim with DataType=Vec3, or (1.0, 2.0, 3.0) of scripts.",
 )

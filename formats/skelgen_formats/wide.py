@@ -15,20 +15,17 @@ from collections.abc import Sequence
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from skelgen.errors import FormatError, MissingPackageError
-from skelgen.files import open_regular
+from skelgen.errors import FormatError
 from skelgen.geometry.frame_rate import AS_RECORDED_RATE
 from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.model.arrays import Floats
 from skelgen.progress import counted
-from skelgen_formats.assumed_units import assumed_mm_per_unit, notice_images, notice_landmarks
+from skelgen_formats.assumed_units import mm_per_recorded_unit, notice_images, notice_landmarks
 from skelgen_formats.bodies import BY_ROWS, blank_unseen, take_from_bodies, with_quaternions
 from skelgen_formats.body_columns import Body
-from skelgen_formats.clock_titles import Clock
 from skelgen_formats.lines import Lines, decoded_head, read_lines
 from skelgen_formats.markers import are_outputs, equal_unseen, mm_per_unit, scaled, take_from_markers, zeros_unseen
 from skelgen_formats.options import (
@@ -43,24 +40,25 @@ from skelgen_formats.options import (
     Options,
 )
 from skelgen_formats.row_owners import Turns, without_copies
-from skelgen_formats.table_heads import HEAD_LINES, Head, find_head, in_one_line
+from skelgen_formats.table_heads import HEAD_LINES, find_head
 from skelgen_formats.table_rows import (
     in_order,
     padded_rows,
     unquoted_rows,
     until_other_table,
+    with_flags,
     with_seconds,
     without_remarks,
 )
 from skelgen_formats.text import parse_rows, rate_in
 from skelgen_formats.time_stamps import Stamps, since_first
+from skelgen_formats.title_lines import Head
 from skelgen_formats.turn_titles import AXES
 
 ASSUMED_RATE = 100.0
 """Frame rate [Hz] of files that state none."""
 
 _NEAR_STEPS = 3.0  # steps from frame to frame, within which a body may have been at the origin
-_MOST_TIMES, _FREE_MEMORY = 100, 1 << 24  # what a Parquet file may hold, beside its size, in bytes
 
 
 def read_table(path: Path, lines: Lines, options: Options) -> Trajectories | PointCloud | Poses:
@@ -90,7 +88,7 @@ def read_table(path: Path, lines: Lines, options: Options) -> Trajectories | Poi
         raise FormatError(path, 1, f"the columns are {head.notices[0]}; nothing else is there")
     if not head.bodies:
         raise FormatError(path, 1, "points have two coordinates: 2D; triangulate them first, e.g. with anipose")
-    wanted = _choose(head, options)
+    wanted = chosen_columns(head, options)
     flags = [body.flag for body in head.bodies if body.flag is not None]
     turns = Turns()
     rows, stamps = _numbers_of(path, lines, head, [*wanted, *flags], options, turns)
@@ -100,11 +98,19 @@ def read_table(path: Path, lines: Lines, options: Options) -> Trajectories | Poi
         rows, head.bodies = without_copies(rows, turns.named(head.bodies), head.notices)
     if head.rate and options.recorded_rate == AS_RECORDED_RATE:
         options = replace(options, recorded_rate=rate_in(path, 1, head.rate, "the frame rate"))
-    return _take(path, rows, head, stamps, options)
+    return take_from_rows(path, rows, head, stamps, options)
 
 
-def _choose(head: Head, options: Options) -> list[int]:
-    """Keep the points, or the bodies where there is nothing else or they are asked for, and return their columns."""
+def chosen_columns(head: Head, options: Options) -> list[int]:
+    """Keep the points, or the bodies where there is nothing else or they are asked for, and return their columns.
+
+    Parameters
+    ----------
+    head : Head
+        Of the table; keeps what is chosen, and gets notices.
+    options : Options
+        `bodies` and `points` count.
+    """
     turned = [body for body in head.bodies if body.is_turned]
     angled = [body for body in head.bodies if body.has_angles]
     if not turned and (options.bodies or (options.points == AUTO and len(angled) == len(head.bodies))):
@@ -115,7 +121,7 @@ def _choose(head: Head, options: Options) -> list[int]:
     kinds = [len(body.columns(turned=True)) for body in turned]
     turned = [body for body, kind in zip(turned, kinds, strict=True) if kind == kinds[0]]
     points = [body for body in head.bodies if body not in turned]
-    are_bodies = bool(turned) and (options.bodies or not points)
+    are_bodies = bool(turned) and (options.bodies or len(points) < 2)  # a single point has no skeleton
     if are_bodies and points:
         one, several = "point without a rotation is left out", "points without a rotation are left out"
         head.notices.append(counted(len(points), one, several))
@@ -135,12 +141,12 @@ def _numbers_of(
     # without times, a row of empty cells is a frame in which nothing is seen
     least = 0 if times or not head.delimiter else head.n_cells - 1
     numbers = unquoted_rows(until_other_table(lines.rows(first, least=least), head), head.delimiter, least)
-    numbers = without_remarks(numbers, head.delimiter, head.counts, head.notices)
+    numbers = without_remarks(with_flags(numbers, head), head.delimiter, head.counts, head.notices)
     whole = padded_rows(numbers, len(lines), head.n_cells, head.delimiter, head.notices)
     if head.owners:
         whole = turns.noted(whole, head)
-    elif head.frames is not None:
-        whole = in_order(whole, head.frames, head, every=not lines.is_sampled)
+    elif head.counts is not None:
+        whole = in_order(whole, head.counts, head, every=not lines.is_sampled)
     rows = parse_rows(path, with_seconds(whole, head), head.n_cells, head.delimiter, [*wanted, *times])
     if not head.clock:
         return rows, None
@@ -173,10 +179,22 @@ def _seen(rows: Floats, chosen: Sequence[Body], notices: list[str]) -> Floats:
     return points.reshape(numbers.shape)
 
 
-def _take(
+def take_from_rows(
     path: Path, rows: Floats, head: Head, times: Stamps | None, options: Options
 ) -> Trajectories | PointCloud | Poses:
-    """Return the take of rows with the numbers of each body; those of other units are brought to that of the table."""
+    """Return the take of rows with the numbers of each body; those of other units are brought to that of the table.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    rows : ndarray, shape (n_frames, n_numbers)
+        In the columns that were chosen.
+    head : Head
+        Of the table.
+    times, options
+        As `take_from_head` takes them.
+    """
     bodies = head.bodies
     numbers = rows.reshape(len(rows), len(bodies), rows.shape[1] // len(bodies))
     for at, body in enumerate(bodies):
@@ -273,8 +291,7 @@ def _factor_and_rate(
     path: Path, positions: Floats, times: Stamps | None, options: Options, unit: str, notices: list[str]
 ) -> tuple[float, float]:
     """Return mm per unit and the frame rate, as stated, measured or assumed; what is assumed is noticed."""
-    stated = options.recorded_unit if options.recorded_unit != AUTO else unit
-    factor = mm_per_unit(path, "", stated) if stated else assumed_mm_per_unit(positions, notices)
+    factor = mm_per_recorded_unit(path, "", unit, positions, options.recorded_unit, notices)
     rate = options.recorded_rate
     if rate == AS_RECORDED_RATE and times is not None:
         rate = times.rate(notices)
@@ -300,72 +317,4 @@ CSV = Format(
     options=(POINTS, BODIES, RECORDED_RATE, RECORDED_UNIT, ANGLE_ORDER),
     note="Columns name_x, name_y, name_z, as of anipose or FreeMoCap; with name_qx or name_roll bodies; rate and unit"
     " by option.",
-)
-
-
-def read_wide_parquet(path: Path, options: Options) -> Trajectories | PointCloud | Poses:
-    """Read a table of points or bodies.
-
-    Parameters
-    ----------
-    path, options
-        See `read_table`, of which the errors are, too.
-
-    Raises
-    ------
-    MissingPackageError
-        If pyarrow is not installed.
-    """
-    try:
-        from pyarrow import ArrowException, parquet  # noqa: PLC0415 - an extra
-    except ImportError as error:
-        raise MissingPackageError(f"{path}: Parquet needs `pip install skelgen-mocap[tables]`") from error
-    try:
-        with open_regular(path) as stream:
-            file = parquet.ParquetFile(stream)
-            titles = list(file.schema_arrow.names)
-            if (head := in_one_line([titles])) is None:
-                raise FormatError(path, "", "no columns such as name_x, name_y, name_z; name them so")
-            wanted = _choose(head, options)
-            clocks = [head.clock.column, head.clock.fraction] if head.clock else []
-            names = [titles[column] for column in [*wanted, *clocks] if column is not None]
-            twice = [name for name in names if titles.count(name) > 1]
-            if twice:
-                raise FormatError(path, "", f"two columns are called {twice[0]}")
-            size = 8 * file.metadata.num_rows * len(names)
-            if size > _MOST_TIMES * path.stat().st_size + _FREE_MEMORY:
-                raise FormatError(path, "", f"announces {size} bytes of numbers, far more than such a file holds")
-            table: Any = file.read(names)
-        numbers = np.stack([_numbers(path, table.column(name)) for name in names], axis=1)
-    except (ArrowException, OSError, ValueError) as error:
-        raise FormatError(path, "", f"no Parquet file, or damaged: {' '.join(str(error).split())}") from error
-    frames = np.arange(len(numbers))
-    sampled = options.sample.of(frames) if options.sample else frames
-    times = _stamps(numbers[:, len(wanted) :], head.clock) if head.clock else None
-    return _take(path, numbers[sampled, : len(wanted)], head, times, options)
-
-
-def _stamps(columns: Floats, clock: Clock) -> Stamps:
-    """Return the times in a column, with the fractions of seconds beside it."""
-    whole = since_first(columns[:, 0], clock.second)
-    fractions = (since_first(column, clock.per_fraction).since for column in columns.T[1:])
-    return Stamps(whole.since + sum(fractions), whole.are_seconds)
-
-
-def _numbers(path: Path, column: Any) -> Floats:
-    try:
-        return np.asarray(column.to_numpy(), dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise FormatError(path, "", "a column of coordinates does not hold numbers") from error
-
-
-PARQUET = Format(
-    name="wide-parquet",
-    title="Wide table of points, Parquet",
-    suffixes=(".parquet",),
-    holds="markers",
-    sniff=lambda head, path: head.startswith(b"PAR1"),
-    read=read_wide_parquet,
-    options=(POINTS, RECORDED_RATE, RECORDED_UNIT, ANGLE_ORDER),
-    note="Columns as in wide-csv. Needs the extra `tables`.",
 )

@@ -16,7 +16,7 @@ from skelgen.app.configuration import parameters_class
 from skelgen.app.stage_summary import has_doubts
 from skelgen.model.project import STAGES
 from skelgen_gui.project.context import HOME, Context, PageEntry
-from skelgen_gui.widgets.layouts import column
+from skelgen_gui.widgets.layouts import column, put_texts
 from skelgen_gui.widgets.painting import as_rich_text, doubt_colour, drawn_pixmap
 
 WIDTH, _LEAST_WIDTH = 400, 350  # px, where there is room, and at least
@@ -27,23 +27,25 @@ SIZE = 16.0
 
 _RATIO = 3.0  # pixels per point: sharp on any screen
 _RING = QRectF(2.5, 2.5, 11.0, 11.0)
-_TICK = ((5.0, 8.2), (7.2, 10.4), (11.2, 5.8))
-_EXCLAMATION = (((8.0, 4.6), (8.0, 8.4)), ((8.0, 11.3), (8.0, 11.4)))
-_DONE = "#2b8a3e"  # green, with a white tick: the same on both grounds
-_FAILED = "#c92a2a"  # red, with a white cross
-_CROSS = (((5.4, 5.4), (10.6, 10.6)), ((10.6, 5.4), (5.4, 10.6)))
+_DONE, _FAILED = "#2b8a3e", "#c92a2a"  # green and red, the same on both grounds
 _THIN, _THICK = 1.2, 1.8
 _Role = QPalette.ColorRole
 
 
 class _State(Enum):
-    """State of the result of a step."""
+    """State of the result of a step, in words."""
 
-    OPEN = "open"
-    STALE = "stale"
-    FAILED = "failed"
-    DONE = "done"
-    DOUBTFUL = "doubtful"
+    OPEN = "{0}: not done yet"
+    STALE = "{0}: to be run again, since something before it has changed"
+    FAILED = "{0}: ended with an error"
+    DONE = "{0}: done"
+    DOUBTFUL = "{0}: done, with doubtful results"
+
+
+_TICK = ((5.0, 8.2), (7.2, 10.4), (11.2, 5.8))
+_CROSS = ((5.4, 5.4), (10.6, 10.6)), ((10.6, 5.4), (5.4, 10.6))
+_EXCLAMATION = ((8.0, 4.6), (8.0, 8.4)), ((8.0, 11.3), (8.0, 11.4))
+_STROKES = {_State.STALE: (_TICK,), _State.DONE: (_TICK,), _State.FAILED: _CROSS, _State.DOUBTFUL: _EXCLAMATION}
 
 
 class PageStack(QWidget):
@@ -74,8 +76,7 @@ class PageStack(QWidget):
         self.entries, self._context = entries, context
         self.list, self._stack = QListWidget(self), QStackedWidget(self)
         self._pages: dict[str, QWidget] = {}
-        self.list.setAccessibleName(self.tr("Steps"))
-        self.list.setToolTip(self.tr("From the recording to the skeleton; Ctrl+Page up and down go from step to step"))
+        put_texts(self)
         for entry in entries:
             item = QListWidgetItem(QCoreApplication.translate("Pages", entry.title), self.list)
             item.setToolTip(QCoreApplication.translate("Pages", entry.tip))
@@ -129,15 +130,7 @@ class PageStack(QWidget):
             item = self.list.item(row)
             state = self._state(entry.stage)
             item.setIcon(_step_icon(state, self.palette()))
-            words = {
-                None: "{0}",
-                _State.OPEN: self.tr("{0}: not done yet"),
-                _State.STALE: self.tr("{0}: to be run again, since something before it has changed"),
-                _State.FAILED: self.tr("{0}: ended with an error"),
-                _State.DONE: self.tr("{0}: done"),
-                _State.DOUBTFUL: self.tr("{0}: done, with doubtful results"),
-            }[state]
-            state_words = words.format(item.text())
+            state_words = item.text() if state is None else self.tr(state.value).format(item.text())
             item.setData(Qt.ItemDataRole.AccessibleTextRole, state_words)
             tip = QCoreApplication.translate("Pages", entry.tip)
             item.setToolTip(tip if state is None else as_rich_text(f"{tip}\n{state_words}"))
@@ -186,25 +179,17 @@ def _paint(painter: QPainter, state: _State, palette: QPalette) -> None:
     if state is _State.OPEN:
         painter.setPen(QPen(palette.color(_Role.PlaceholderText), _THIN))
         painter.drawEllipse(_RING)
-        return
-    if state is _State.STALE:
+    elif state is _State.STALE:
         painter.setPen(QPen(QColor(_DONE), _THICK, Qt.PenStyle.DotLine))
         painter.drawEllipse(_RING)
-        painter.drawPolyline(QPolygonF([QPointF(*place) for place in _TICK]))
-        return
-    painter.setPen(Qt.PenStyle.NoPen)
-    brushes = {_State.DONE: QColor(_DONE), _State.FAILED: QColor(_FAILED)}
-    painter.setBrush(brushes.get(state, doubt_colour(palette)))
-    painter.drawEllipse(_RING)
-    painter.setPen(QPen(Qt.GlobalColor.white, _THICK, Qt.PenStyle.SolidLine, Qt.PenCapStyle.RoundCap))
-    if state is _State.DONE:
-        painter.drawPolyline(QPolygonF([QPointF(*place) for place in _TICK]))
-    elif state is _State.FAILED:
-        for start, end in _CROSS:
-            painter.drawLine(QPointF(*start), QPointF(*end))
     else:
-        for start, end in _EXCLAMATION:
-            painter.drawLine(QPointF(*start), QPointF(*end))
+        painter.setPen(Qt.PenStyle.NoPen)
+        brushes = {_State.DONE: QColor(_DONE), _State.FAILED: QColor(_FAILED)}
+        painter.setBrush(brushes.get(state, doubt_colour(palette)))
+        painter.drawEllipse(_RING)
+        painter.setPen(QPen(Qt.GlobalColor.white, _THICK, Qt.PenStyle.SolidLine, Qt.PenCapStyle.RoundCap))
+    for stroke in _STROKES.get(state, ()):
+        painter.drawPolyline(QPolygonF([QPointF(*place) for place in stroke]))
 
 
 _INTERVAL = 50  # ms between two looks, and between two pages

@@ -21,23 +21,22 @@ from skelgen_gui.model.view_state import ViewState
 from skelgen_gui.model.viewpoint import up_axis
 from skelgen_gui.page_stack import WIDTH, PageStack, Preloading
 from skelgen_gui.pages import PAGES
-from skelgen_gui.project.cameras import Cameras
-from skelgen_gui.project.comparison import ComparisonPanel
-from skelgen_gui.project.context import Context, PageEntry, Runner, view_of
+from skelgen_gui.project.context import Cameras, Context, PageEntry, Runner, view_of
 from skelgen_gui.project.corrections import CorrectionActions, CorrectionList
 from skelgen_gui.project.deriving import PanelWhileSeen
 from skelgen_gui.project.file_actions import FileActions
 from skelgen_gui.project.jobs import Jobs, StatusLine
-from skelgen_gui.project.outline import Outline
+from skelgen_gui.project.panels import ComparisonPanel, Outline
 from skelgen_gui.project.recovery import Autosave, RecoveryEntry
 from skelgen_gui.project.session import Document, Session
 from skelgen_gui.timeline.marker_curves import MarkerCurves
+from skelgen_gui.timeline.player import VideoPane
 from skelgen_gui.timeline.plot_view import Curves
 from skelgen_gui.timeline.timeline import Timeline
-from skelgen_gui.timeline.video import VideoPane
 from skelgen_gui.view3d.four_views import FourViews
 from skelgen_gui.view3d.view import View3D
 from skelgen_gui.widgets.errors import ErrorReporter
+from skelgen_gui.widgets.layouts import put_texts
 from skelgen_gui.widgets.painting import as_rich_text
 from skelgen_gui.widgets.preferences import AXES, Preferences
 from skelgen_gui.widgets.shortcuts import FocusRing, KeyKeeper, make_actions
@@ -148,7 +147,7 @@ class Window(QMainWindow):
         self.curves = Curves(self.session, self.timeline.span)
         self.tabs = QTabWidget(self)
         self.tabs.setDocumentMode(True)
-        self.tabs.setAccessibleName(self.tr("Views"))
+        put_texts(self)
         for view, title, tip in (
             (FourViews(self.session, self.view3d), self.tr("3-D"), self.tr("Markers, bones and joints in space")),
             (self.matrix, self.tr("Distances"), self.tr("How distances between markers vary: why limbs are limbs")),

@@ -1,4 +1,4 @@
-"""Menus, tool bar and keys of the window, and what they do; preferences; the first steps, a text whose links act."""
+"""Menus, tool bar and keys of the window, and what they do; recent files, preferences, and the first steps."""
 
 from collections.abc import Callable
 from functools import partial
@@ -20,20 +20,21 @@ from PySide6.QtWidgets import (
 
 from skelgen_gui.model.selection import Selection
 from skelgen_gui.page_stack import PageStack
-from skelgen_gui.pages.stage import StagePage
+from skelgen_gui.pages.steps import StagePage
 from skelgen_gui.project.context import Context
 from skelgen_gui.project.corrections import CorrectionActions
-from skelgen_gui.project.file_actions import RecentMenu, SampleMenu
+from skelgen_gui.project.file_actions import SampleMenu
 from skelgen_gui.project.other_files import ParameterFiles, SubjectActions
 from skelgen_gui.view3d.view import View3D
 from skelgen_gui.widgets.errors import versions
 from skelgen_gui.widgets.forms import stage_form
-from skelgen_gui.widgets.layouts import answer_buttons, column
+from skelgen_gui.widgets.layouts import answer_buttons, column, put_texts
 from skelgen_gui.widgets.painting import as_rich_text
 from skelgen_gui.widgets.preferences import Preferences, PreferenceValues
 from skelgen_gui.widgets.shortcuts import ShortcutsDialog, fill_menu_bar, fill_tool_bar
 
 _MOST_LETTERS = 60  # of what is undone, in the menu
+_WITH_DIGIT = 9  # recent files that a digit key chooses
 _WIDTH = 420  # px, of the dialog of preferences: the help fits into its lines
 
 
@@ -111,9 +112,9 @@ class WindowCommands(QObject):
     def _fill_view(self, menu: QMenu) -> None:
         commands = self._view3d.commands
         menu.addSeparator()
-        menu.addActions([commands.fit, commands.fit_take, commands.front, commands.side, commands.top])
+        menu.addActions(list(commands.moves.values()))
         menu.addSeparator()
-        menu.addActions([commands.hide, commands.isolate, commands.show_all])
+        menu.addActions(list(commands.hiding.values()))
         menu.addSeparator()
         commands.fill(menu)
         cameras = menu.addAction(self.tr("Cameras of a capture…"), self._context.cameras.choose)
@@ -208,6 +209,63 @@ def _say_what(action: QAction, words: str, plain: str, tip: str, what: str) -> N
     action.setToolTip(as_rich_text(f"{tip}\n{what}") if what else tip)
 
 
+class RecentMenu(QMenu):
+    """Recent files, the last one first.
+
+    Signals
+    -------
+    chosen(Path)
+        The user wants this file.
+
+    Parameters
+    ----------
+    preferences : Preferences
+        Knows the files.
+    parent : QWidget, optional
+        Qt's parent.
+    """
+
+    chosen = Signal(object)
+
+    def __init__(self, preferences: Preferences, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._preferences = preferences
+        self.setTitle(self.tr("Open &recent"))
+        self.setToolTipsVisible(True)
+        self.aboutToShow.connect(self.fill)
+        self.triggered.connect(self._choose)
+        preferences.recent_changed.connect(self.fill)
+        self.fill()
+
+    def fill(self) -> None:
+        """List the files as they are now."""
+        self.clear()
+        recent = self._preferences.recent
+        for number, path in enumerate(recent, start=1):
+            self.addAction(self._entry(number, path))
+        self.addSeparator()
+        clear = self.addAction(self.tr("&Clear this list"))
+        clear.setToolTip(self.tr("Forget these names; the files stay"))
+        clear.setEnabled(bool(recent))
+        self.menuAction().setEnabled(bool(recent))
+
+    def _entry(self, number: int, path: Path) -> QAction:
+        name = path.name.replace("&", "&&")  # a single one would mark a key
+        entry = QAction(f"&{number} {name}" if number <= _WITH_DIGIT else name, self)
+        is_there = path.exists()
+        entry.setEnabled(is_there)
+        entry.setToolTip(as_rich_text(str(path) if is_there else self.tr("{0}: no longer there").format(path)))
+        entry.setData(path)
+        return entry
+
+    def _choose(self, entry: QAction) -> None:
+        path = entry.data()
+        if isinstance(path, Path):
+            self.chosen.emit(path)
+        else:
+            self._preferences.forget_recent()
+
+
 class PreferencesDialog(QDialog):
     """Changes preferences when it is accepted.
 
@@ -262,8 +320,7 @@ class Tutorial(QTextBrowser):
         super().__init__(parent)
         self.setOpenLinks(False)
         self.setMarkdown(_TEXT.read_text(encoding="utf-8"))
-        self.setAccessibleName(self.tr("First steps"))
-        self.setToolTip(self.tr("Links do what they say; Tab goes from one to the next"))
+        put_texts(self)
         self.anchorClicked.connect(self._follow)
 
     def _follow(self, address: QUrl) -> None:

@@ -17,7 +17,8 @@ from skelgen_formats.capture_settings import read_settings, write_settings
 
 from skelgen.app.recording import Recording, check_recording
 from skelgen.app.room import read_rig_settings, room_source_of
-from skelgen.capture.bodies import BodyFinder, check_targets
+from skelgen.capture.bodies import BodyFinder
+from skelgen.capture.bodies.design import check_targets
 from skelgen.capture.bodies.prediction import PredictionParameters
 from skelgen.capture.calibration.body import BodyCalibration, calibrate_body
 from skelgen.capture.calibration.joints import JointCalibration, calibrate_joints
@@ -30,7 +31,7 @@ from skelgen.progress import SILENT, Monitor, with_progress
 
 if TYPE_CHECKING:
     from skelgen.capture.room.live import RoomCapture, RoomCaptured
-    from skelgen.capture.room.values import RoomSource
+    from skelgen.capture.room.points import RoomSource
 
 
 def read_capture_settings(path: Path) -> CaptureSettings:

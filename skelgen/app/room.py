@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from skelgen_formats.capture_settings import read_any_settings, write_settings
 
+from skelgen.capture.parameters import BodyParameters, DetectionParameters
 from skelgen.errors import InputError
 from skelgen.model.rig import CaptureSettings, RoomSettings
 from skelgen.progress import SILENT, Monitor
@@ -16,7 +17,7 @@ from skelgen.progress import SILENT, Monitor
 if TYPE_CHECKING:
     from skelgen.capture.room.boards import AnyBoard
     from skelgen.capture.room.calibrate import WandCalibration
-    from skelgen.capture.room.values import RoomSource
+    from skelgen.capture.room.points import RoomSource
 
 NOTICE_EVERY = 10.0
 """s between two sentences on what a wand has covered."""
@@ -24,9 +25,6 @@ NOTICE_EVERY = 10.0
 
 def read_rig_settings(path: Path) -> CaptureSettings | RoomSettings:
     """Read settings of two cameras or of a room, the parameters checked with their lines; errors as `read_settings`."""
-    from skelgen.capture.bodies import BodyParameters  # noqa: PLC0415 - with what it needs, a second
-    from skelgen.capture.parameters import DetectionParameters  # noqa: PLC0415
-
     return read_any_settings(path, DetectionParameters, BodyParameters)
 
 
@@ -96,13 +94,13 @@ def calibrate_room(
     InputError
         If images, wand or frame are not what they must be; see `calibrate_wand` and `find_ground`.
     """
-    from skelgen.capture.room.recording import detected_balls, seen_in  # noqa: PLC0415 - loads kernels
+    from skelgen.capture.room.points import detected_balls, seen_in  # noqa: PLC0415 - loads kernels
     from skelgen.capture.room.sources import open_room_source  # noqa: PLC0415
     from skelgen.capture.room.taking import WandTaking  # noqa: PLC0415
 
     source = open_room_source(waved)
-    with ThreadPoolExecutor(1, "room") as looker:
-        taking = WandTaking(source.cameras, wand, looker)
+    with ThreadPoolExecutor(1, "room") as executor:
+        taking = WandTaking(source.cameras, wand, executor)
         noticed = time.monotonic()
         for views, sizes in seen_in(source, detected_balls, monitor):
             taking.add(views, sizes)
@@ -138,7 +136,7 @@ def calibrate_room_by_boards(
 
     from skelgen.capture.room.boards import corners_in  # noqa: PLC0415
     from skelgen.capture.room.calibrate import calibrate_boards  # noqa: PLC0415 - loads kernels
-    from skelgen.capture.room.recording import all_seen, seen_in  # noqa: PLC0415
+    from skelgen.capture.room.points import all_seen, seen_in  # noqa: PLC0415
     from skelgen.capture.room.sources import open_room_source  # noqa: PLC0415
 
     source = open_room_source(held)
@@ -167,7 +165,7 @@ def on_floor(done: "WandCalibration", ground: Ground | None, monitor: Monitor = 
     if ground is None:
         return done
     from skelgen.capture.room.calibrate import on_ground  # noqa: PLC0415 - loads kernels
-    from skelgen.capture.room.recording import balls_of  # noqa: PLC0415
+    from skelgen.capture.room.points import balls_of  # noqa: PLC0415
     from skelgen.capture.room.sources import open_room_source  # noqa: PLC0415
     from skelgen.capture.room.wand_and_ground import find_ground  # noqa: PLC0415
 

@@ -10,13 +10,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from skelgen.capture.bodies import propose_targets
+from skelgen.capture.bodies.design import propose_targets
 from skelgen.capture.error_propagation import angle_covariance, pose_covariances
 from skelgen.capture.errors_by_distance import typical_joints, typical_pair
 from skelgen.capture.live import MotionCapture
 from skelgen.capture.optics import match_and_triangulate, project, view_centre
 from skelgen.capture.reference_rig import reference_rig
-from skelgen.capture.simulated_rig import SimulatedRig, scene_of_bodies
+from skelgen.capture.simulated_rig import SimulatedRig
+from skelgen.capture.simulated_rig.scene import scene_of_bodies
 from skelgen.capture.target_joints import JointAngle
 from skelgen.capture.values import Balls, FoundBody
 from skelgen.geometry.rotations import matrix_from_quaternion, matrix_from_vector, transform_from, vector_from_matrix

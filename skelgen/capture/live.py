@@ -14,13 +14,13 @@ from typing import Self
 import numpy as np
 
 from skelgen.capture.ball_tracks import BallPairs
-from skelgen.capture.bodies import BodyFinder, BodyParameters
+from skelgen.capture.bodies import BodyFinder
 from skelgen.capture.bodies.prediction import CentreNoise, Prediction, PredictionParameters
 from skelgen.capture.chain_filter import chain_filters
 from skelgen.capture.detection import correct_eccentricity, detect_balls
 from skelgen.capture.health import RigWatch
 from skelgen.capture.optics import match_and_triangulate, project
-from skelgen.capture.parameters import DetectionParameters
+from skelgen.capture.parameters import BodyParameters, DetectionParameters
 from skelgen.capture.target_joints import JointAngle, find_angles, pose_error, turned_and_shifted
 from skelgen.capture.values import Balls, FoundBody, FramePair, FrameSource, Image, StereoPoints
 from skelgen.errors import InputError

@@ -89,7 +89,7 @@ def find_angles(joint: TargetJoint, bodies: Mapping[str, FoundBody]) -> JointAng
 
     Parameters
     ----------
-    joint : JointModel
+    joint : TargetJoint
         With its frames in both bodies.
     bodies : mapping of str to FoundBody
         What was found in the frame, by name.

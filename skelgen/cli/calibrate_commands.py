@@ -40,8 +40,7 @@ def stereo(
 
     from skelgen.app.outputs import check_outputs
     from skelgen.capture.calibration.chessboard import board_from_text
-    from skelgen.capture.calibration.stereo import calibrate_stereo
-    from skelgen.capture.calibration.table import camera_rows
+    from skelgen.capture.calibration.stereo import calibrate_stereo, camera_rows
     from skelgen.model.rig import CaptureSettings
 
     screen = Screen(quiet, as_json)
@@ -93,7 +92,7 @@ def simulated(
 
 def _reason_against(bodies: Sequence[BodyTarget]) -> str:
     """Why bodies cannot be told from each other in a capture; empty if they can."""
-    from skelgen.capture.bodies import check_targets
+    from skelgen.capture.bodies.design import check_targets
 
     try:
         check_targets(bodies)
@@ -141,7 +140,7 @@ def _rounded(value: float) -> float | None:
 
 
 def _mapping(found: StereoCalibration, output: Path) -> dict[str, object]:
-    from skelgen.capture.calibration.table import INTRINSIC, intrinsic
+    from skelgen.capture.calibration.stereo import INTRINSIC, intrinsic
     from skelgen.geometry.rotations import vector_from_matrix
 
     left, right = (intrinsic(eye) for eye in (found.rig.left, found.rig.right))

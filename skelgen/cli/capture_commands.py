@@ -135,7 +135,7 @@ def calibrate_body(
 
     from skelgen.app.capture import any_source_of, calibrate_body_of
     from skelgen.app.room import read_rig_settings
-    from skelgen.capture.calibration.table import ball_rows
+    from skelgen.capture.calibration.body import ball_rows
 
     screen = Screen(quiet, as_json)
     rig = read_rig_settings(settings)
@@ -197,7 +197,7 @@ def calibrate_joints(
 
     from skelgen.app.capture import any_source_of, calibrate_joints_of
     from skelgen.app.room import read_rig_settings
-    from skelgen.capture.calibration.table import joint_rows
+    from skelgen.capture.calibration.joints import joint_rows
     from skelgen.capture.values import frames_from_text
 
     screen = Screen(quiet, as_json)

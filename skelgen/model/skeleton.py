@@ -294,7 +294,7 @@ class JointAngles:
         its axis in the parent and its axis in the child; ``x``, ``y``, ``z`` for the rotation vector of a ball joint in
         the parent's axes; empty for a rigid joint.
     values, std : ndarray, shape (n_frames, n_angles), rad
-        The angles, and their standard deviations.
+        The angles, those about axes without jumps of a full turn, and their standard deviations.
     """
 
     names: tuple[str, ...]

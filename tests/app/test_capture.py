@@ -11,7 +11,8 @@ from skelgen_formats.mfml import read_mfml
 
 from skelgen.app.capture import calibrate_body_of, calibrate_joints_of, capture, source_of, with_joints
 from skelgen.capture.calibration.joints import JointCalibration
-from skelgen.capture.simulated_rig import SimulatedRig, scene_of_bodies, simulated_rig
+from skelgen.capture.simulated_rig import SimulatedRig, simulated_rig
+from skelgen.capture.simulated_rig.scene import scene_of_bodies
 from skelgen.capture.sources import open_source
 from skelgen.cli import main
 from skelgen.errors import CaptureError, InputError, SkelgenError

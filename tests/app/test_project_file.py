@@ -219,6 +219,14 @@ def test_project_is_recognised_by_its_content(saved, tmp_path):
     assert not is_project_file(tmp_path / "absent.c3d")
 
 
+@pytest.mark.parametrize("first", ["[Content_Types].xml", "take.c3d", "positions.npy"])
+def test_other_archives_are_no_projects(tmp_path, first):
+    """Of spreadsheets, of files to be unpacked, and of numpy."""
+    with zipfile.ZipFile(tmp_path / "table.xlsx", "w") as archive:
+        archive.writestr(first, "")
+    assert not is_project_file(tmp_path / "table.xlsx")
+
+
 @pytest.mark.parametrize("member", ["project.json", "run.json", "arrays/motion/residuals.npy"])
 def test_missing_member_is_named(saved, tmp_path, member):
     with pytest.raises(FormatError, match=f"b.skelgen:{member}: .*missing"):

@@ -22,11 +22,12 @@ from typing import NamedTuple
 import numpy as np
 from shown import show, show_machine, verdict
 
-from skelgen.capture.bodies import BodyFinder, propose_targets
+from skelgen.capture.bodies import BodyFinder
+from skelgen.capture.bodies.design import propose_targets
 from skelgen.capture.live import MotionCapture
 from skelgen.capture.reference_rig import reference_rig
-from skelgen.capture.simulated_rig import SimulatedRig, scene_of_bodies, simulated_rig
-from skelgen.capture.simulated_rig.scene import Wandering, wandering_poses
+from skelgen.capture.simulated_rig import SimulatedRig, simulated_rig
+from skelgen.capture.simulated_rig.scene import Wandering, scene_of_bodies, wandering_poses
 from skelgen.capture.values import FoundBody, StereoPoints
 from skelgen.geometry.rotations import matrix_from_vector, transform_from, vector_from_matrix
 from skelgen.model.arrays import Floats

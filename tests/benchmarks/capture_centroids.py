@@ -19,9 +19,8 @@ from shown import show, show_machine, verdict
 from skelgen.capture.detection import correct_eccentricity, detect_balls
 from skelgen.capture.parameters import DetectionParameters
 from skelgen.capture.reference_rig import reference_rig
-from skelgen.capture.simulated_rig import RenderParameters, render_view, simulated_rig
-from skelgen.capture.simulated_rig.source import render_pair
-from skelgen.capture.simulated_rig.view import ViewTruth
+from skelgen.capture.simulated_rig import render_pair, render_view, simulated_rig
+from skelgen.capture.simulated_rig.view import RenderParameters, ViewTruth
 from skelgen.capture.values import Image
 from skelgen.model.arrays import Floats
 from skelgen.model.rig import Camera

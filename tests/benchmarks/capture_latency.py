@@ -19,7 +19,8 @@ import numpy as np
 from capture_bodies import make_frame
 from shown import show, show_machine, verdict
 
-from skelgen.capture.bodies import BodyFinder, ExpectedPose, propose_targets
+from skelgen.capture.bodies import BodyFinder, ExpectedPose
+from skelgen.capture.bodies.design import propose_targets
 from skelgen.capture.bodies.prediction import BodyFilter, PredictionParameters
 from skelgen.capture.live import MotionCapture
 from skelgen.capture.reference_rig import reference_rig

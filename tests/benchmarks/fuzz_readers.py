@@ -112,16 +112,19 @@ _TEXTS = (
     "dtrack",
     "tracking-tools",
     "untitled-poses",
+    "json",
+    "bids-motion",
 )
 _IMAGES = ("png", "jpg", "bmp", "pgm", "tiff")
 
 MORE_SEEDS = {
+    "json": ("records.json", "parts.json"),
     "c3d": ("c3d-integers.c3d", "c3d-dec.c3d"),
     "nexus": ("tracker.csv",),
     "numpy": ("numpy.npz", "turned.npz", "poses.npz"),
     "qualisys": ("skeleton.tsv",),
     "qualisys-mat": ("packed.mat", "struct.mat", "cells.mat", "skeleton.mat"),
-    "tidy-csv": ("blanks.txt", "long.csv", "melted.csv", "tf.csv", "segments.csv", "ids.csv"),
+    "tidy-csv": ("blanks.txt", "long.csv", "melted.csv", "tf.csv", "segments.csv", "ids.csv", "trials.csv"),
     "wide-csv": (
         "sure.csv",
         "aria.csv",
@@ -132,9 +135,12 @@ MORE_SEEDS = {
         "face.csv",
         "kinect.csv",
         "bones.csv",
+        "coda.csv",
+        "threes.csv",
     ),
+    "wide-parquet": ("tidy.parquet",),
     "untitled-poses": ("kitti.txt", "hand.traj"),
-    "vector-csv": ("vectors.sto", "turns.csv", "lists.csv"),
+    "vector-csv": ("vectors.sto", "turns.csv", "lists.csv", "unreal.csv"),
 }
 """Further sound files of a format."""
 
@@ -232,6 +238,7 @@ def _tables(folder: Path, take: Trajectories) -> None:
     rows = [(f, name, *take.positions[f, m]) for f in range(20) for m, name in enumerate(take.names)]
     tidy = pandas.DataFrame(rows, columns=["frame", "keypoint", "x", "y", "z"])
     tidy.to_csv(folder / "tidy-csv.csv", index=False)
+    tidy.to_parquet(folder / "tidy.parquet")
     _tdf(folder / "tdf.tdf", take)
 
 
@@ -367,6 +374,22 @@ _TEXT_SEEDS = {
     ),
     "points.csv": "# by hand\nname,frame,point,last_frame\nA,0,1,5\nnobody,3,2,\nB,4,0,4\n",
     "places.csv": "label,first_frame,x,y,z\nA,0,1.5,2,3\n\nB,3,-4,5e2,0\nnobody,7,0,0,0\n",
+    "json.json": '{"fps": 50, "joints": ["a", "b"], "frames": [{"points": [[1, 2, 3], [4, 5, 6]]},'
+    ' {"points": [[1, 2, 3.5], [4, null, 6]]}]}',
+    "records.json": '[{"t": 0, "markers": [{"name": "a", "x": 1, "y": 2, "z": 3}, {"name": "b", "x": 4, "y": 5,'
+    ' "z": 6}]}, {"t": 0.1, "markers": [{"name": "b", "x": 4, "y": 5, "z": 6}]}]',
+    "parts.json": '{"Timebase": {"Frequency": 9}, "Markers": [{"Name": "a", "Parts": [{"Range": {"Start": 1, "End": 2},'
+    ' "Values": [[1, 2, 3, 0.1], [1, 2, 4, 0.1]]}]}, {"Name": "b", "Parts": [{"Range": {"Start": 2, "End": 2},'
+    ' "Values": [[4, 5, 6, 0.2]]}]}]}',
+    "bids-motion_motion.tsv": "1\t2\t3\t4\t5\t6\n1\t2\t3.5\t4\tn/a\t6\n",
+    "bids-motion_channels.tsv": "name\tcomponent\ttype\ttracked_point\tunits\n"
+    + "".join(f"{name}{axis}\t{axis}\tPOS\t{name}\tmm\n" for name in "ab" for axis in "xyz"),
+    "coda.csv": "CODAmotion Analysis Text\nTime,a.X,a.Y,a.Z,a.V,b.X,b.Y,b.Z\n(s),(mm),(mm),(mm),(),(mm),(mm),(mm)\n"
+    "0,1,2,3,1,4,5,6\n0.01,1,2,3,0,4,5,6\n",
+    "threes.csv": "Frequency,50,Unit,mm\na,b\n1,2,3,4,5,6\n1,2,3.5,4,5,6\n",
+    "trials.csv": '"trial" "frame" "marker" "x" "y" "z"\n'
+    + "".join(f'"{n + 1}" {n // 4} {n // 2 % 2} "{"ab"[n % 2]}" {n}.5 2 3\n' for n in range(8)),
+    "unreal.csv": 'Time,Bone,Place\n0,a,"X=1.5 Y=2 Z=3"\n0,b,"X=4.5 Y=5 Z=6"\n0.1,a,"X=1.6 Y=2 Z=3"\n0.1,b,\n',
     "tree.txt": "# child,parent\nlimb0,\nlimb1,limb0\nlimb2,limb1\n",
     "pairs.txt": "# left right time\na0.png\tb0.png\t0.0\na1.png\tb1.png\t0.02\na2.png\tb2.png\t0.04\n",
 }

@@ -18,9 +18,8 @@ from unrendered import blobs_of
 
 from skelgen.capture.optics import in_image, project
 from skelgen.capture.room.calibrate import calibrate_wand, point_covariances, room_grid
-from skelgen.capture.room.points import PointMatcher
+from skelgen.capture.room.points import PointMatcher, balls_at
 from skelgen.capture.room.simulated import ROOM_RATE, WAND, room_rig, wand_scene
-from skelgen.capture.room.values import balls_at
 from skelgen.geometry.orientation import fit_transform
 from skelgen.model.arrays import Floats
 from skelgen.model.rig import CameraRig

@@ -6,8 +6,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from skelgen.capture.optics import in_image, project
+from skelgen.capture.room.points import balls_at
 from skelgen.capture.room.simulated import RoomScene
-from skelgen.capture.room.values import balls_at
 from skelgen.capture.simulated_rig.scene import Scene
 from skelgen.capture.values import Balls
 from skelgen.model.arrays import Floats, Ints

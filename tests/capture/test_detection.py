@@ -17,7 +17,8 @@ from skelgen.capture.detection import (
     level_of,
 )
 from skelgen.capture.reference_rig import reference_rig
-from skelgen.capture.simulated_rig import RenderParameters, render_view
+from skelgen.capture.simulated_rig import render_view
+from skelgen.capture.simulated_rig.view import RenderParameters
 from skelgen.errors import InputError
 
 WANTED = 0.02  # px: what the project asks of a centre in the conditions of the reference rig

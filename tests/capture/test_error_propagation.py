@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from skelgen.capture.bodies.finder import find_bodies
+from skelgen.capture.bodies import find_bodies
 from skelgen.capture.error_propagation import (
     angle_covariance,
     point_covariances,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skelgen.capture.bodies import propose_targets
+from skelgen.capture.bodies.design import propose_targets
 from skelgen.capture.error_propagation import angle_covariance, pose_covariances
 from skelgen.capture.errors_by_distance import typical_joints, typical_pair
 from skelgen.capture.live import MotionCapture

@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 from skelgen.app.recording import ball_positions
-from skelgen.capture.bodies import propose_targets, resolved_points
+from skelgen.capture.bodies import resolved_points
+from skelgen.capture.bodies.design import propose_targets
 from skelgen.capture.bodies.prediction import PredictionParameters
 from skelgen.capture.live import MotionCapture
 from skelgen.capture.reference_rig import reference_rig
-from skelgen.capture.simulated_rig import SimulatedRig, scene_of_bodies, simulated_rig
-from skelgen.capture.simulated_rig.scene import Wandering, wandering_poses
+from skelgen.capture.simulated_rig import SimulatedRig, simulated_rig
+from skelgen.capture.simulated_rig.scene import Wandering, scene_of_bodies, wandering_poses
 from skelgen.geometry.rotations import vector_from_matrix
 from skelgen.model.rig import BodyTarget
 

@@ -58,3 +58,16 @@ def test_landmarks_in_images_are_told_of_tidy_tables(put):
     rows = "".join(f"{frame},{name},0.5,{y},-1.2,0.9\n" for frame in range(3) for name, y in (("a", 0.4), ("b", 1.3)))
     take = read_take(put("tidy.csv", f"frame,landmark,x,y,z,visibility\n{rows}"))
     assert any("of visibility" in notice for notice in take.notices)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "t,a_x_mm,a_y_mm,a_z_mm,b_x_mm,b_y_mm,b_z_mm\n0,1,2,3,4,5,6\n",
+        "frame,name,x_mm,y_mm,z_mm\n0,a,1,2,3\n0,b,4,5,6\n",
+    ],
+)
+def test_unit_that_titles_name_is_taken_whatever_the_user_states(put, text):
+    take = read_take(put("mm.csv", text), recorded_unit="m")
+    np.testing.assert_array_equal(take.positions[0], [[1, 2, 3], [4, 5, 6]])
+    assert any("the file names its length unit, mm, which is taken" in notice for notice in take.notices)

@@ -203,3 +203,10 @@ def test_frames_of_empty_cells_keep_their_time_where_no_column_tells_it(name, po
 @pytest.mark.parametrize("encoding", ["utf-16-le", "utf-16-be"])
 def test_utf16_without_a_mark_is_told_by_its_zeros(put, encoding):
     assert read_lines(put("wide.txt", "Frame;Knie\r\n1;2\r\n".encode(encoding)))[:] == ["Frame;Knie", "1;2", ""]
+
+
+def test_lines_are_found_in_any_order(put):
+    held = [f"{'x' * (n % 4)}" for n in range(50)]
+    lines = read_lines(put("any.txt", "\n".join(held)))
+    order = np.random.default_rng(5).integers(0, 50, 400)
+    assert [lines[index] for index in order] == [held[index] for index in order]

@@ -30,12 +30,10 @@ def test_millimetres_stay(edited, motive_text):
     np.testing.assert_array_equal(take.positions[0], np.array(FIRST_MM) / 1000)
 
 
-def test_rigid_body_markers_serve_where_no_others_are(put, motive_text):
-    take = read_take(
-        put(
-            "rbm.csv", motive_text.replace("Marker,", "Rigid Body Marker,").replace(",Marker\r", ",Rigid Body Marker\r")
-        )
-    )
+@pytest.mark.parametrize("kind", ["Rigid Body Marker", "Trained Markerset Marker"])
+def test_rigid_body_markers_serve_where_no_others_are(put, motive_text, kind):
+    text = motive_text.replace("Marker,", f"{kind},").replace(",Marker\r", f",{kind}\r")
+    take = read_take(put("rbm.csv", text))
     np.testing.assert_allclose(take.positions[0], FIRST_MM, atol=EXACT)
     assert any("models are taken" in notice for notice in take.notices)
 

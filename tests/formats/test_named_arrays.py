@@ -127,9 +127,49 @@ def test_poses_of_theia_are_bodies(tmp_path):
 
 @pytest.mark.parametrize("key", ["body_pos_w", "position", "joint_positions"])
 def test_positions_are_told_from_velocities_by_their_name(tmp_path, key):
-    arrays = {key: POSITIONS, "body_lin_vel_w": np.gradient(POSITIONS, axis=0)}
+    arrays = {
+        key: POSITIONS,
+        "body_lin_vel_w": np.gradient(POSITIONS, axis=0),
+        "body_quat_w": np.ones((*POSITIONS.shape[:2], 4)) / 2,
+    }
     np.savez(tmp_path / "robot.npz", body_names=NAMES, fps=50, **arrays)
     take = read_take(tmp_path / "robot.npz")
     assert list(take.names) == NAMES
     np.testing.assert_array_equal(take.positions, POSITIONS)
-    assert "arrays left out: body_lin_vel_w" in take.notices
+    assert "arrays left out: body_lin_vel_w, body_quat_w" in take.notices
+
+
+TITLES = [f"{name}_{axis}" for name in NAMES for axis in "XYZ"]
+
+
+def test_columns_may_have_titles(tmp_path):
+    """As arrays of their own, beside one array, and as fields of a structured one."""
+    columns = dict(zip(TITLES, POSITIONS.reshape(N_FRAMES, -1).T, strict=True))
+    np.savez(tmp_path / "own.npz", fs=120.0, **columns)
+    savemat(tmp_path / "own.mat", {"fs": 120.0, **columns})
+    titled = {"data": POSITIONS.reshape(N_FRAMES, -1), "freq": 120.0}
+    savemat(tmp_path / "one.mat", {**titled, "colheaders": np.array(TITLES, dtype=object)})
+    np.savez(tmp_path / "one.npz", **titled, columns=TITLES, index=np.arange(N_FRAMES))
+    np.save(tmp_path / "fields.npy", np.array([*zip(*columns.values(), strict=True)], [(t, float) for t in TITLES]))
+    for file in tmp_path.iterdir():
+        take = read_take(file)
+        assert list(take.names) == NAMES, file
+        np.testing.assert_array_equal(take.positions, POSITIONS)
+        assert take.rate == (100.0 if file.suffix == ".npy" else 120.0)
+
+
+def test_archive_of_objects_alone_is_told(tmp_path, refused):
+    np.savez(tmp_path / "h36m.npz", positions_3d=np.array({"S1": POSITIONS}, dtype=object))
+    assert "holds pickled objects, which are never loaded" in refused(tmp_path / "h36m.npz")
+
+
+def test_coordinates_in_structs_and_points_in_cells_are_read(tmp_path):
+    fields = {name: dict(zip("xyz", POSITIONS[:, at].T, strict=True)) for at, name in enumerate(NAMES)}
+    savemat(tmp_path / "structs.mat", {"m": fields, "fs": 50.0})
+    cells = np.empty(len(NAMES), dtype=object)
+    cells[:] = [*POSITIONS.swapaxes(0, 1)]
+    savemat(tmp_path / "cells.mat", {"pos": cells, "label": np.array(NAMES, dtype=object), "Fs": 50.0})
+    for file in tmp_path.iterdir():
+        take = read_take(file)
+        assert (list(take.names), take.rate) == (NAMES, 50.0), file
+        np.testing.assert_array_equal(take.positions, POSITIONS)

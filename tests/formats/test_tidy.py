@@ -44,7 +44,7 @@ def test_times_tell_the_rate(put):
     assert read_take(put("points.csv", FREEMOCAP)).rate == 100.0
 
 
-@pytest.mark.parametrize("title", ["joint_idx", "Keypoint No", "marker number"])
+@pytest.mark.parametrize("title", ["joint_idx", "Keypoint No", "marker number", "obj_id"])
 def test_points_may_be_numbered(put, title):
     text = f"frame,{title},x,y,z\n" + "".join(f"{frame},{n},{n},2,3\n" for frame in range(3) for n in range(4))
     assert read_take(put("numbered.csv", text)).names == ("0", "1", "2", "3")
@@ -286,3 +286,21 @@ def test_marks_between_thousands_are_told(refused, put):
 
 def test_titles_without_rows_hold_no_frame(refused, put):
     assert "holds no frame" in refused(put("none.csv", "frame,marker,x,y,z\n# no rows\n"))
+
+
+def test_trials_follow_each_other(put):
+    content = "".join(f"{trial},{frame},{name},{x},1,2\n" for trial in "ab" for frame, name, x, *_ in ROWS)
+    take = read_take(put("trials.csv", f"trial,frame,marker,x,y,z\n{content}"))
+    assert (take.names, take.n_frames, take.seen.all()) == (("knee", "ankle"), 6, True)
+    assert take.positions[3:, 0, 0].tolist() == [100.0, 101.0, 102.0]
+    assert any(notice.startswith("trial changes: rows of several takes") for notice in take.notices)
+
+
+@pytest.mark.parametrize("titles", ["time,space,keypoints,individuals,position", "time,Var2,marker,session,value"])
+def test_column_of_axes_is_known_by_what_it_holds(put, titles):
+    content = "".join(
+        f"0.0{frame},{axis},{name},one,{x + at}\n" for frame, name, x, *_ in ROWS for at, axis in enumerate("xyz")
+    )
+    take = read_take(put("long.csv", f"{titles}\n{content}"))
+    assert (take.names, take.rate) == (("knee", "ankle"), 100.0)
+    np.testing.assert_array_equal(take.positions[2], [[102.0, 103.0, 104.0]] * 2)

@@ -15,6 +15,7 @@ time\t/markerset/knee|location\t/markerset/toe|location
 0\t1,2,3\t4,5,6
 0.02\t1,2,3\tnan,nan,nan
 """
+DICTS = ((0, "\"{'x': 4, 'y': 5, 'z': 6}\""), (0.02, ""))
 
 
 @pytest.mark.parametrize(
@@ -23,6 +24,9 @@ time\t/markerset/knee|location\t/markerset/toe|location
         ("storage.sto", STORAGE),
         ("tuples.csv", 'time (s),knee,toe\n0,"(1, 2, 3)","(4, 5, 6)"\n0.02,"(1, 2, 3)",None\n'),
         ("unity.csv", "time;knee;toe\n0;(1.0, 2.0, 3.0);(4.0, 5.0, 6.0)\n0.02;(1.0, 2.0, 3.0);\n"),
+        ("unreal.csv", "time,knee,toe\n0,X=1.0 Y=2.0 Z=3.0,X=4.0 Y=5.0 Z=6.0\n0.02,X=1.0 Y=2.0 Z=3.0,\n"),
+        ("cells.csv", "time;knee;toe\n0;x:1 y:2 z:3;(X=4,Y=5,Z=6)\n0.02;x:1 y:2 z:3;\n"),
+        ("dicts.csv", "time,knee,toe\n" + "".join(f"{t},\"{{'x': 1, 'y': 2, 'z': 3}}\",{b}\n" for t, b in DICTS)),
         (
             "arrays.csv",
             "time,knee,toe,head\n0,[1. 2. 3.],[4. 5. 6.],[0 0 0 1]\n0.02,[1. 2. 3.],[nan nan nan],[0 0 0 1]\n",
@@ -76,3 +80,12 @@ def test_rows_of_nothing_are_no_titles(put):
     text += "".join(f'{frame},"[1, 2, {frame}]","[4, 5, 6]","[1, 0, 0, 0]"\n' for frame in range(1, 4))
     take = read_take(put("lists.csv", text))
     assert take.seen[:, 0].tolist() == [False, True, True, True]
+
+
+def test_places_of_unreal_are_read_beside_its_rotations(put):
+    cells = [
+        f'{t},{bone},"X={x}.5 Y=2.0 Z=3.0","P=0.0 Y=12.0 R=0.0"' for t in (0, 0.02) for x, bone in ((1, "a"), (4, "b"))
+    ]
+    take = read_take(put("bones.csv", "\n".join(["Time,Bone,Location,Rotation", *cells, ""])))
+    assert (take.names, take.rate) == (("a", "b"), 50.0)
+    np.testing.assert_array_equal(take.positions[0, 1], [4500, 2000, 3000])

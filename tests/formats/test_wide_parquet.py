@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from skelgen_formats.registry import read_take
 
+from skelgen.errors import FormatError
 from tests.formats.wide_rows import POSITIONS, TIMES
 
 
@@ -50,3 +51,17 @@ def test_seconds_and_nanoseconds_in_two_columns_tell_the_rate(tmp_path):
         table[title] = [number + 1.0] * 3
     table.to_parquet(tmp_path / "points.parquet")
     assert read_take(tmp_path / "points.parquet").rate == pytest.approx(100.0)
+
+
+def test_tidy_tables_and_tables_of_vectors_are_read(tmp_path):
+    frame = pytest.importorskip("pandas").DataFrame
+    tidy = [(f, name, f + 0.5, 2.0, 3.0) for f in range(3) for name in ("nose", "tail")]
+    frame(tidy, columns=["frame", "keypoint", "x", "y", "z"]).to_parquet(tmp_path / "tidy.parquet")
+    vectors = {"time": TIMES, "nose": [[1.5, 2.0, 3.0]] * 2, "tail": [[4.0, 5.0, 6.0], None]}
+    frame(vectors).to_parquet(tmp_path / "vectors.parquet")
+    assert read_take(tmp_path / "tidy.parquet").positions[2, 1].tolist() == [2500.0, 2000.0, 3000.0]
+    take = read_take(tmp_path / "vectors.parquet")
+    assert (take.names, take.rate, take.seen.tolist()) == (("nose", "tail"), 50.0, [[True, True], [True, False]])
+    frame({"a": [1.0, 2.0]}).to_parquet(tmp_path / "other.parquet")
+    with pytest.raises(FormatError, match="no columns such as name_x"):
+        read_take(tmp_path / "other.parquet")

@@ -25,6 +25,7 @@ def test_axis_may_stand_before_the_name(put, titles):
         "{0}_position_x,{0}_position_y,{0}_position_z,{1}_position_x,{1}_position_y,{1}_position_z",
         "{0}_tx,{0}_ty,{0}_tz,{1}_tx,{1}_ty,{1}_tz",
         "tx_{0},ty_{0},tz_{0},tx_{1},ty_{1},tz_{1}",
+        "px_{0},py_{0},pz_{0},px_{1},py_{1},pz_{1}",
         "{0}_1,{0}_2,{0}_3,{1}_1,{1}_2,{1}_3",
         "# {0}_x,{0}_y,{0}_z,{1}_x,{1}_y,{1}_z",
         "{0},{0},{0},{1},{1},{1}\nx,y,z,x,y,z\nmm,mm,mm,mm,mm,mm",

@@ -11,8 +11,8 @@ from scipy.stats import chi2, norm
 from skelgen._kernels.rigid_body_pose import chi_squared_limit, fit_body
 from skelgen._kernels.rigid_body_search import Search, find_matching, matching_cost, point_distances, sum_of_squares
 from skelgen._kernels.rigid_body_tables import PointTable, TargetTable
-from skelgen.capture.bodies import BodyParameters
-from skelgen.capture.bodies.finder import search_rules, table_of_points, table_of_target
+from skelgen.capture.bodies import search_rules, table_of_points, table_of_target
+from skelgen.capture.parameters import BodyParameters
 from skelgen.capture.values import StereoPoints
 from skelgen.geometry.orientation import fit_transform
 from skelgen.geometry.rotations import matrix_from_vector, transform_from

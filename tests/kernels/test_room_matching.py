@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from skelgen.capture.optics import project
-from skelgen.capture.room.points import PointMatcher
+from skelgen.capture.room.points import PointMatcher, balls_at
 from skelgen.capture.room.simulated import room_rig
-from skelgen.capture.room.values import balls_at
 from skelgen.errors import InputError
 
 PLACES = np.array([[0.0, 0, 900], [400, -300, 1200], [-600, 200, 500], [30, 500, 1600]])

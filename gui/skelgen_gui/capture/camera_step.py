@@ -10,16 +10,16 @@ from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QDoubleSpinBox, QLabel, QPushButton, QSpinBox, QWidget
 
 from skelgen.app.capture import save_cameras
-from skelgen.app.capture_jobs.board_views import ENOUGH, CollectedView, ViewCollection, gaps
-from skelgen.app.capture_jobs.messages import BoardShot, CollectingControl, FoundInSpace
+from skelgen.app.capture_jobs.images import ENOUGH, CameraImage, CollectedView, ViewCollection, gaps
+from skelgen.app.capture_jobs.messages import CaptureControl, FoundInSpace
 from skelgen.capture.calibration.chessboard import Board
 from skelgen.progress import Monitor
-from skelgen_gui.capture.camera_views import CameraTable, CoverageView, Fit, ViewList
 from skelgen_gui.capture.forms import ImageForm
+from skelgen_gui.capture.measured import CameraTable, CoverageView, Fit, ViewList
 from skelgen_gui.capture.steps import Step
 from skelgen_gui.project.jobs import Jobs
 from skelgen_gui.widgets.fields import set_up_number
-from skelgen_gui.widgets.layouts import describe, row_of
+from skelgen_gui.widgets.layouts import describe, put_texts, row_of
 
 if TYPE_CHECKING:
     from skelgen.capture.calibration.stereo import StereoCalibration
@@ -31,7 +31,7 @@ _SIMULATED_BOARD = "simulated:board?paced=yes&rate=30&frames=1800"
 _MOST_CORNERS, _LARGEST_SQUARE = 40, 1000.0
 
 
-class CameraStep(Step[BoardShot]):
+class CameraStep(Step[tuple[CameraImage, ...]]):
     """Collects views, calibrates, says what the calibration is worth, and saves settings.
 
     Signals
@@ -62,13 +62,12 @@ class CameraStep(Step[BoardShot]):
         self._fits: dict[str, Fit] = {}
         self.found: StereoCalibration | None = None
         self.collection = ViewCollection()
-        self.form, self.take = BoardForm(self), QPushButton(self.tr("Take this view"), self)
+        self.form, self.take = BoardForm(self), QPushButton(self)
         self.coverage, self.views = CoverageView(self), ViewList(self)
-        self.remove, self.clear = QPushButton(self.tr("Remove"), self), QPushButton(self.tr("Clear"), self)
-        self.calibrate = QPushButton(self.tr("Calibrate"), self)
-        self.save = QPushButton(self.tr("Save settings…"), self)
+        self.remove, self.clear = QPushButton(self), QPushButton(self)
+        self.calibrate, self.save = QPushButton(self), QPushButton(self)
         self.cameras = CameraTable(self)
-        self._describe()
+        put_texts(self)
         parts = (self.form, row_of(self.go, self.take), self.state, self.coverage, row_of(self.calibrate, self.save))
         self.lay_out((*parts, self.verdict, self.views, row_of(self.remove, self.clear), self.cameras))
         self._connect()
@@ -84,7 +83,7 @@ class CameraStep(Step[BoardShot]):
             self.verdict.show_problem(self.tr("Choose where the images come from, or the simulated board."))
             return
         self._forget_result()
-        control = CollectingControl()
+        control = CaptureControl()
 
         def work(monitor: Monitor) -> None:
             from skelgen.app.capture_jobs.collecting import BoardCollector  # noqa: PLC0415 - loads what captures need
@@ -103,12 +102,14 @@ class CameraStep(Step[BoardShot]):
 
         def work(monitor: Monitor) -> tuple[StereoCalibration, FoundInSpace]:
             monitor.begin(title)
-            from skelgen.app.capture_jobs.collecting import boards_in_space  # noqa: PLC0415 - loads what captures need
-            from skelgen.capture.calibration.stereo import calibrate_views  # noqa: PLC0415
+            from skelgen.capture.calibration.stereo import (  # noqa: PLC0415 - loads what captures need
+                boards_in_space,
+                calibrate_views,
+            )
 
             seen = [(view.left, view.right) for view in views]
             found = calibrate_views([view.name for view in views], seen, board, views[0].size)
-            return found, boards_in_space(found.rig, found.pairs, board)
+            return found, FoundInSpace(*boards_in_space(found.rig, found.pairs, board))
 
         self._forget_result()
         self.run(title, work, self._show_found)
@@ -131,17 +132,6 @@ class CameraStep(Step[BoardShot]):
             self.saved.emit(path)
 
         self.run(self.tr("Saving"), work, done)
-
-    def _describe(self) -> None:
-        self.state.setAccessibleName(self.tr("How many views there are, and what is missing"))
-        for button, tip in (
-            (self.take, self.tr("Keep the next pair that shows the whole board, even if it moves or is like others")),
-            (self.remove, self.tr("Take the chosen views away")),
-            (self.clear, self.tr("Take all views away")),
-            (self.calibrate, self.tr("Compute both cameras from these views")),
-            (self.save, self.tr("Write the cameras into a settings file; bodies and joints of the one in use stay")),
-        ):
-            button.setToolTip(tip)
 
     def _connect(self) -> None:
         self.take.clicked.connect(self._take_this)
@@ -224,8 +214,8 @@ class CameraStep(Step[BoardShot]):
         """Enable what can be done now."""
         super().follow()
         is_busy, has_views = self._jobs.is_busy, bool(self.collection.views)
-        describe(self.go, self.tr("Stop looking") if self.is_collecting else self.tr("Look for the board"))
-        self.take.setEnabled(self.is_collecting)
+        describe(self.go, self.tr("Stop looking") if self.is_running else self.tr("Look for the board"))
+        self.take.setEnabled(self.is_running)
         self.form.setEnabled(not is_busy)
         self.clear.setEnabled(has_views)
         self.remove.setEnabled(bool(self.views.selected_views))
@@ -259,10 +249,13 @@ class BoardForm(ImageForm):
         corners = row_of(self.columns, words[0], self.rows, words[1], room=True)
         self.fields.addRow(self.tr("Board"), corners)
         self.fields.addRow(self.tr("Square"), self.square)
-        self.add_source(self.tr("cameras, a folder, a list or videos"))
-        tip = self.tr("Try it without cameras: a board moves before the simulated rig")
-        self.add_buttons(self.tr("Simulated board"), self.tr("Look at a simulated board"), tip)
-        self._describe()
+        self.add_source()
+        self.add_buttons()
+        put_texts(self)
+        set_up_number(self.square, (0.1, _LARGEST_SQUARE), 3, self.tr(" mm"))
+        for box in (self.columns, self.rows):
+            box.setRange(3, _MOST_CORNERS)
+        self._show_usual()
         for box in (self.columns, self.rows):
             box.valueChanged.connect(self.changed)
         self.square.valueChanged.connect(self.size_changed)
@@ -273,22 +266,11 @@ class BoardForm(ImageForm):
         """The board."""
         return Board(self.columns.value(), self.rows.value(), self.square.value())
 
-    def _describe(self) -> None:
-        tip = self.tr("Corners where four squares meet, not squares: a chessboard of 10 x 7 squares has 9 x 6")
-        for box, value, name in (
-            (self.columns, 9, self.tr("Corners along the longer side")),
-            (self.rows, 6, self.tr("Corners along the shorter side")),
-        ):
-            box.setRange(3, _MOST_CORNERS)
-            box.setValue(value)
-            describe(box, name, tip)
-        set_up_number(self.square, (0.1, _LARGEST_SQUARE), 3, self.tr(" mm"))
-        self.square.setValue(25.0)
-        self.square.setAccessibleName(self.tr("Side of a square"))
-        self.square.setToolTip(self.tr("Measure over several squares: all lengths in later captures rest on it"))
-
-    def _choose_simulation(self) -> None:
+    def _show_usual(self) -> None:
         self.columns.setValue(9)
         self.rows.setValue(6)
         self.square.setValue(25.0)
+
+    def _choose_simulation(self) -> None:
+        self._show_usual()
         self.take_source(_SIMULATED_BOARD)

@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from functools import partial
 
-from PySide6.QtCore import QCoreApplication, Qt, Signal
+from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import (
     QCheckBox,
     QComboBox,
@@ -20,7 +20,7 @@ from PySide6.QtWidgets import (
 from skelgen.app.capture_jobs.messages import SIMULATED, SIMULATED_ROOM, CaptureOptions
 from skelgen.capture.sources import SOURCES
 from skelgen_gui.widgets.fields import Expander, choose_button, keep_narrow
-from skelgen_gui.widgets.layouts import bare_column, describe, row_of
+from skelgen_gui.widgets.layouts import bare_column, describe, put_texts, row_of
 
 # A target that is turned before the simulated rig for 20 seconds, as cameras would deliver it
 _SIMULATED_TARGET = "simulated:target?paced=yes&rate=30&frames=600&show={0}"
@@ -92,8 +92,7 @@ class SourceField(QComboBox):
         self.setCurrentIndex(-1)
         self.setEditText("")
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
-        self.setAccessibleName(self.tr("Source of images"))
-        self.setToolTip(self.tr("Where images come from; the list shows an example of each kind"))
+        put_texts(self)
 
     @property
     def source(self) -> str:
@@ -106,30 +105,10 @@ class SourceField(QComboBox):
         if (edit := self.lineEdit()) is not None:
             edit.setCursorPosition(0)
 
-    def show_hint(self, text: str) -> None:
+    def setPlaceholderText(self, text: str) -> None:
         """Show what an empty field means."""
         if (edit := self.lineEdit()) is not None:
             edit.setPlaceholderText(text)
-
-
-class _SettingsField(FileField):
-    """The settings file of the capture.
-
-    Parameters
-    ----------
-    parent : QWidget, optional
-        Parent widget.
-    """
-
-    def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(
-            QCoreApplication.translate("SettingsField", "Settings of the capture"),
-            QCoreApplication.translate(
-                "SettingsField", "The XML file with cameras, bodies and joints, written by the calibrations"
-            ),
-            QCoreApplication.translate("SettingsField", "Settings (*.xml)"),
-            parent,
-        )
 
 
 class FolderButton(QPushButton):
@@ -150,9 +129,7 @@ class FolderButton(QPushButton):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self.setText(self.tr("Image folder…"))
-        self.setAccessibleName(self.tr("Take the images of a folder"))
-        self.setToolTip(self.tr("A folder with pairs of images such as left01.jpg and right01.jpg"))
+        put_texts(self)
         self.clicked.connect(self._choose)
 
     def _choose(self) -> None:
@@ -183,22 +160,14 @@ class ImageForm(QWidget):
         self.fields.setContentsMargins(0, 0, 0, 0)
         self.fields.setFieldGrowthPolicy(QFormLayout.FieldGrowthPolicy.ExpandingFieldsGrow)
 
-    def add_source(self, hint: str) -> None:
-        """Add the source of images, with a hint at what an empty one means."""
+    def add_source(self) -> None:
+        """Add the source of images."""
         self.source = SourceField(self)
-        self.source.show_hint(hint)
         self.fields.addRow(self.tr("Source"), self.source)
 
-    def add_buttons(self, text: str, name: str, tip: str) -> None:
-        """Add the buttons that take a folder, and simulated images.
-
-        Parameters
-        ----------
-        text, name, tip : str
-            Of the button for simulated images: what stands on it, what it does, and what for.
-        """
-        self.folder, self.simulated = FolderButton(self), QPushButton(text, self)
-        describe(self.simulated, name, tip)
+    def add_buttons(self) -> None:
+        """Add the buttons that take a folder, and simulated images."""
+        self.folder, self.simulated = FolderButton(self), QPushButton(self)
         self.fields.addRow("", row_of(self.folder, self.simulated, room=True))
         self.folder.chosen.connect(self.take_source)
 
@@ -242,9 +211,12 @@ class SourceForm(ImageForm):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self.settings = _SettingsField(self)
+        title, kinds = self.tr("Settings of the capture"), self.tr("Settings (*.xml)")
+        tip = self.tr("The XML file with cameras, bodies and joints, written by the calibrations")
+        self.settings = FileField(title, tip, kinds, self)
         self.fields.addRow(self.tr("Settings"), self.settings)
-        self.add_source(self.tr("that of the settings"))
+        self.add_source()
+        self.source.setPlaceholderText(self.tr("that of the settings"))
 
     @property
     def options(self) -> CaptureOptions:
@@ -263,20 +235,11 @@ class LiveChoice(SourceForm):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self.simulated = QPushButton(self.tr("Simulated rig"), self)
-        tip = self.tr("Try everything without cameras: two simulated ones look at a moving arm")
-        describe(self.simulated, self.tr("Start the simulated rig"), tip)
-        self.room = QPushButton(self.tr("Simulated room"), self)
-        tip = self.tr("Try it without cameras: four simulated ones around a room look at a moving arm")
-        describe(self.room, self.tr("Start the simulated room"), tip)
-        self.predicts = QCheckBox(self.tr("Predict, smooth poses"), self)
-        self.predicts.setToolTip(self.tr("A Kalman filter: steadier poses and a shorter search, a little later"))
+        self.simulated, self.room = QPushButton(self), QPushButton(self)
+        self.predicts, self.predicts_joints = QCheckBox(self), QCheckBox(self)
         self.fields.addRow("", row_of(self.simulated, self.room, room=True))
         self.fields.addRow("", self.predicts)
-        self.predicts_joints = QCheckBox(self.tr("Predict all joint angles together"), self)
-        self.predicts_joints.setToolTip(
-            self.tr("An extended Kalman filter of the whole chain; targets are followed by single balls, too")
-        )
+        put_texts(self)
         self.advanced = AdvancedFields([("", self.predicts_joints)], self)
         self.fields.addRow(self.advanced)
         self.simulated.clicked.connect(lambda: self.choose_simulation(SIMULATED))
@@ -300,21 +263,13 @@ class TargetForm(SourceForm):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.name, self.balls = QLineEdit(self), QSpinBox(self)
-        self.name.setPlaceholderText(self.tr("such as upper arm"))
-        self.name.setAccessibleName(self.tr("Name of the target"))
-        self.name.setToolTip(self.tr("What the rigid body is called; one of the same name is replaced"))
         self.balls.setRange(3, _MOST_BALLS)
         self.balls.setSpecialValueText(self.tr("found"))
-        self.balls.setAccessibleName(self.tr("Number of balls"))
-        self.balls.setToolTip(self.tr("Found from the images; state it if other things shine as well"))
-        tip = self.tr("Try it without cameras: a target of the simulated arm is turned")
-        self.add_buttons(self.tr("Simulated target…"), self.tr("Look at a simulated target"), tip)
+        self.add_buttons()
+        put_texts(self)
         self.targets = QMenu(self)
-        for title, name in (
-            (self.tr("Torso"), "torso"),
-            (self.tr("Upper arm"), "upper arm"),
-            (self.tr("Lower arm"), "lower arm"),
-        ):
+        titles = self.tr("Torso"), self.tr("Upper arm"), self.tr("Lower arm")
+        for title, name in zip(titles, ("torso", "upper arm", "lower arm"), strict=True):
             self.targets.addAction(title).triggered.connect(partial(self.choose_simulation, name))
         self.simulated.setMenu(self.targets)
         self.fields.insertRow(1, self.tr("Name"), self.name)
@@ -337,12 +292,9 @@ class JointForm(SourceForm):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        tip = self.tr("Try it without cameras: an arm with three targets moves")
-        self.add_buttons(self.tr("Simulated arm"), self.tr("Look at the simulated arm"), tip)
+        self.add_buttons()
         self.simulated.clicked.connect(lambda: self.take_source(_SIMULATED_JOINTS))
         self.use_frames = QLineEdit(self)
-        self.use_frames.setPlaceholderText(self.tr("all; 100, or 0,10,20"))
-        tip = self.tr("So many frames, evenly spaced, or those of these indices; the first is 0")
-        describe(self.use_frames, self.tr("Frames that joints are calibrated from"), tip)
+        put_texts(self)
         self.advanced = AdvancedFields([(self.tr("Frames"), self.use_frames)], self)
         self.fields.addRow(self.advanced)

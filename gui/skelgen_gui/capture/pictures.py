@@ -12,11 +12,12 @@ from PySide6.QtCore import QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QImage, QPainter, QPaintEvent, QPen
 from PySide6.QtWidgets import QApplication, QWidget
 
-from skelgen.app.capture_jobs.camera_images import NO_BODY, CameraImage, camera_images_of
+from skelgen.app.capture_jobs.images import NO_BODY, CameraImage, camera_images_of
 from skelgen.app.drawing.scales import limb_colour
 from skelgen.capture.live import Captured
 from skelgen.capture.room.live import RoomCaptured
 from skelgen.model.arrays import Bools, Floats
+from skelgen_gui.widgets.layouts import put_texts
 from skelgen_gui.widgets.painting import draw_lines, draw_names
 
 LOOSE = QColor("#f2c94c")
@@ -53,22 +54,11 @@ class Pictures(QWidget):
         self._images: tuple[CameraImage, ...] = ()
         self._titles: tuple[str, ...] = ()
         self._covered: tuple[Bools, ...] = ()
-        self.setAccessibleName(self.tr("Pictures of the cameras"))
-        self.setToolTip(self.tr("Rings are balls that were found, in the colours of their bodies"))
+        put_texts(self)
         self.setAttribute(Qt.WidgetAttribute.WA_OpaquePaintEvent)
 
-    def show_pair(self, left: CameraImage, right: CameraImage) -> None:
-        """Show other pictures of two cameras; they replace those before.
-
-        Parameters
-        ----------
-        left, right : CameraImage
-            What both cameras see.
-        """
-        self.show_all((left, right), (self.tr("left"), self.tr("right")))
-
-    def show_all(
-        self, images: Sequence[CameraImage], titles: Sequence[str], covered: Sequence[Bools] | None = None
+    def show_images(
+        self, images: Sequence[CameraImage], titles: Sequence[str] = (), covered: Sequence[Bools] = ()
     ) -> None:
         """Show other pictures; they replace those before.
 
@@ -77,12 +67,12 @@ class Pictures(QWidget):
         images : sequence of CameraImage
             What all cameras see.
         titles : sequence of str
-            What they are called.
-        covered : sequence of ndarray of bool, shape (rows, columns), optional
-            In which parts of each picture a wand has been.
+            What they are called; by default they are the left and the right one.
+        covered : sequence of ndarray of bool, shape (rows, columns)
+            In which parts of each picture a wand has been, if that is to be seen.
         """
-        self._images, self._titles = tuple(images), tuple(titles)
-        self._covered = () if covered is None else tuple(covered)
+        self._images, self._covered = tuple(images), tuple(covered)
+        self._titles = tuple(titles) or (self.tr("left"), self.tr("right"))
         self.update()
 
     def clear(self) -> None:
@@ -248,9 +238,6 @@ class LivePictures:
         found = captured.bodies
         bodies = {group: found[name] for group, name in enumerate(self._names) if name in found}
         images = camera_images_of(captured, bodies)
-        if self._cameras:
-            self.view.show_all(images, self._cameras)
-        else:
-            self.view.show_pair(*images)
+        self.view.show_images(images, self._cameras)
         self._app.processEvents()
         self._pause = max(INTERVAL, LEISURE * (time.monotonic() - now))

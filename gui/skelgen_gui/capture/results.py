@@ -1,8 +1,7 @@
 """Results of a capture: speed and losses, bodies, joint angles with their deviations, and notices."""
 
 import math
-from abc import abstractmethod
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from PySide6.QtCore import Qt, Signal
@@ -11,8 +10,7 @@ from PySide6.QtWidgets import QLabel, QListWidget, QTableWidget, QTableWidgetIte
 
 from skelgen.app.capture_jobs.messages import LiveShot
 from skelgen.capture.target_joints import angle_names
-from skelgen.model.rig import CaptureSettings, RoomSettings
-from skelgen_gui.widgets.layouts import describe, fit_columns, wrap
+from skelgen_gui.widgets.layouts import fit_columns, put_texts, wrap
 
 MOST_NOTICES = 200
 """Notices that are kept: a loose plug must not fill the memory."""
@@ -32,12 +30,7 @@ class Numbers(QLabel):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         wrap(self, self.tr("Speed and losses of the capture"))
-        self.setToolTip(
-            self.tr(
-                "Images of all cameras per second, those that were lost because they were not processed in time, and "
-                "the time from images to the joint angles"
-            )
-        )
+        put_texts(self)
 
     def show_shot(self, shot: LiveShot) -> None:
         """Show the numbers of a pair."""
@@ -73,20 +66,11 @@ class ValueTable(QTableWidget):
         self.setSelectionBehavior(QTableWidget.SelectionBehavior.SelectRows)
         self.verticalHeader().hide()
         self.verticalHeader().setDefaultSectionSize(self.fontMetrics().height() + 6)
+        self._names: list[str] = []
+        put_texts(self)
 
-    def describe(self, name: str, tip: str, titles: Sequence[str]) -> None:
-        """Describe the table.
-
-        Parameters
-        ----------
-        name : str
-            What it is, for readers of the screen.
-        tip : str
-            What its numbers are.
-        titles : sequence of str
-            Of its columns.
-        """
-        describe(self, name, tip)
+    def show_columns(self, titles: Sequence[str]) -> None:
+        """Show columns of these titles."""
         self.setColumnCount(len(titles))
         self.setHorizontalHeaderLabels(list(titles))
         fit_columns(self.horizontalHeader(), 0)
@@ -98,115 +82,60 @@ class ValueTable(QTableWidget):
         else:
             super().keyPressEvent(event)
 
-    def show_names(self, names: Sequence[str]) -> None:
-        """Show rows of these names, without numbers."""
-        self.setRowCount(len(names))
-        for row, name in enumerate(names):
+    def show_rows(self, rows: Sequence[Sequence[str]]) -> None:
+        """Show rows, each a name and its numbers, or the name alone; while the names are the same, all rows stay."""
+        names = [name for name, *_ in rows]
+        if names != self._names:
+            self._names = names
+            self._make_rows()
+        for row, (_, *texts) in enumerate(rows):
+            for column in range(1, self.columnCount()):
+                item, text = self.item(row, column), texts[column - 1] if texts else _NOTHING
+                if item is not None and item.text() != text:
+                    item.setText(text)
+
+    def _make_rows(self) -> None:
+        self.setRowCount(len(self._names))
+        for row, name in enumerate(self._names):
             for column in range(self.columnCount()):
-                item = QTableWidgetItem(name if column == 0 else _NOTHING)
+                item = QTableWidgetItem("" if column else name)
                 if column:
                     item.setTextAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
                 self.setItem(row, column, item)
 
-    def show_row(self, row: int, texts: Iterable[str]) -> None:
-        """Show the numbers of a row.
 
-        Parameters
-        ----------
-        row : int
-            Which row.
-        texts : iterable of str
-            Its numbers, behind the name.
-        """
-        for column, text in enumerate(texts, start=1):
-            item = self.item(row, column)
-            if item is not None and item.text() != text:
-                item.setText(text)
-
-    def show_rows(self, rows: Sequence[Sequence[str]]) -> None:
-        """Show other rows, each a name and its numbers."""
-        self.show_names([name for name, *_ in rows])
-        for row, (_, *texts) in enumerate(rows):
-            self.show_row(row, texts)
-
-
-class _ShotTable(ValueTable):
-    """Numbers of each pair of images; the rows follow from the settings."""
-
-    def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
-        self._settings: CaptureSettings | RoomSettings | None = None
-
-    def show_shot(self, shot: LiveShot) -> None:
-        """Show the numbers of a pair."""
-        if shot.settings is not self._settings:
-            self._settings = shot.settings
-            self.show_names(self.names_of(shot.settings))
-        for row, texts in enumerate(self.texts_of(shot)):
-            self.show_row(row, texts or (_NOTHING,) * (self.columnCount() - 1))
-
-    @abstractmethod
-    def names_of(self, settings: CaptureSettings | RoomSettings) -> list[str]:
-        """Return the names of the rows."""
-
-    @abstractmethod
-    def texts_of(self, shot: LiveShot) -> Iterator[tuple[str, ...]]:
-        """Yield the numbers of each row; none for what is not seen."""
-
-
-class AngleTable(_ShotTable):
+class AngleTable(ValueTable):
     """Angles of joints, in degrees."""
 
-    def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
-        tip = self.tr(
-            "Angles of joints, their standard deviations, and how far the joint's places in both bodies are "
-            "apart; a ball joint has three, the parts of its rotation vector"
-        )
-        titles = self.tr("Joint"), self.tr("Angle [°]"), self.tr("± [°]"), self.tr("Gap [mm]")
-        self.describe(self.tr("Joint angles"), tip, titles)
-
-    def names_of(self, settings: CaptureSettings | RoomSettings) -> list[str]:
-        """Return a name for each angle."""
-        return [name for joint in settings.joints for name in angle_names(joint)]
-
-    def texts_of(self, shot: LiveShot) -> Iterator[tuple[str, ...]]:
-        """Yield each angle with its deviation; the gap once for a joint."""
+    def show_shot(self, shot: LiveShot) -> None:
+        """Show each angle of a pair with its deviation; the gap once for a joint."""
+        rows: list[tuple[str, ...]] = []
         for joint in shot.settings.joints:
             angle = shot.angles.get(joint.name)
-            for part in range(len(angle_names(joint))):
+            for part, name in enumerate(angle_names(joint)):
                 if angle is None:
-                    yield ()
+                    rows.append((name,))
                     continue
                 turn, std = math.degrees(angle.angles[part]), math.degrees(angle.std[part])
-                yield f"{turn:.2f}", f"{std:.2f}", f"{angle.residual:.2f}" if part == 0 else ""
+                rows.append((name, f"{turn:.2f}", f"{std:.2f}", f"{angle.residual:.2f}" if part == 0 else ""))
+        self.show_rows(rows)
 
 
-class BodyTable(_ShotTable):
+class BodyTable(ValueTable):
     """Bodies and where they are."""
 
-    def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
-        tip = self.tr(
-            "Where bodies are in the rig's world, and the standard deviation of that in all; "
-            "a dash stands for one that is not seen"
-        )
-        titles = [self.tr("Body"), self.tr("x [mm]"), self.tr("y [mm]"), self.tr("z [mm]"), self.tr("± [mm]")]
-        self.describe(self.tr("Bodies"), tip, titles)
-
-    def names_of(self, settings: CaptureSettings | RoomSettings) -> list[str]:
-        """Return the names of the bodies."""
-        return [body.name for body in settings.bodies]
-
-    def texts_of(self, shot: LiveShot) -> Iterator[tuple[str, ...]]:
-        """Yield the place of each body, and its deviation."""
+    def show_shot(self, shot: LiveShot) -> None:
+        """Show the place of each body of a pair, and its deviation."""
+        rows: list[tuple[str, ...]] = []
         for body in shot.settings.bodies:
             found = shot.found.bodies.get(body.name)
             if found is None:
-                yield ()
+                rows.append((body.name,))
                 continue
             spread = math.sqrt(float(np.trace(found.covariance[3:, 3:])))
-            yield *(f"{value:.1f}" for value in found.world_from_body[:3, 3].tolist()), f"{spread:.2f}"
+            place = (f"{value:.1f}" for value in found.world_from_body[:3, 3].tolist())
+            rows.append((body.name, *place, f"{spread:.2f}"))
+        self.show_rows(rows)
 
 
 class Notices(QListWidget):
@@ -221,8 +150,7 @@ class Notices(QListWidget):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.setWordWrap(True)
-        self.setAccessibleName(self.tr("What to know of the rig"))
-        self.setToolTip(self.tr("Lost cameras, dark or glaring images, cameras that do not fit the settings"))
+        put_texts(self)
 
     def add(self, sentence: str) -> None:
         """Put a sentence at the top, unless it is there already."""

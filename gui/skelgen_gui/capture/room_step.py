@@ -10,8 +10,8 @@ import numpy as np
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QLineEdit, QPushButton, QWidget
 
-from skelgen.app.capture_jobs.camera_images import NO_BODY
-from skelgen.app.capture_jobs.messages import CollectingControl, FoundInSpace, WandShot
+from skelgen.app.capture_jobs.images import NO_BODY
+from skelgen.app.capture_jobs.messages import CaptureControl, FoundInSpace, WandShot
 from skelgen.app.room import Ground, on_floor, save_room
 from skelgen.errors import InputError
 from skelgen.model.rig import RoomSettings
@@ -19,10 +19,10 @@ from skelgen.progress import Monitor
 from skelgen_gui.capture.forms import ImageForm, SourceField
 from skelgen_gui.capture.steps import Step
 from skelgen_gui.project.jobs import Jobs
-from skelgen_gui.widgets.layouts import describe, row_of
+from skelgen_gui.widgets.layouts import describe, put_texts, row_of
 
 if TYPE_CHECKING:
-    from skelgen.app.capture_jobs.waving import WandCollector
+    from skelgen.app.capture_jobs.collecting import WandCollector
     from skelgen.capture.room.calibrate import WandCalibration
     from skelgen.capture.room.taking import WandProgress
 
@@ -53,19 +53,7 @@ class RoomStep(Step[WandShot]):
         self.calibrate, self.floor, self.save = QPushButton(self), QPushButton(self), QPushButton(self)
         self.found: WandCalibration | None = None
         self._collectors: list[WandCollector] = []
-        self.state.setAccessibleName(self.tr("What to do next, and what the wand has not covered yet"))
-        self.state.setText(
-            self.tr(
-                "1. Wave the wand through the whole room for a minute; the green parts of the pictures are covered."
-            )
-        )
-        for button, name, tip in (
-            (self.calibrate, self.tr("Calibrate"), self.tr("Compute all cameras from what was taken")),
-            (self.floor, self.tr("Find the floor"), self.tr("Take the L-frame on the floor: the origin, x and up")),
-            (self.save, self.tr("Save settings…"), self.tr("Write the cameras into a settings file")),
-        ):
-            button.setText(name)
-            describe(button, name, tip)
+        put_texts(self)
         self.lay_out((self.form, self.go, self.state, row_of(self.calibrate, self.floor, self.save), self.verdict))
         self.form.start_wanted.connect(self.start)
         self.calibrate.clicked.connect(self.run_calibration)
@@ -77,7 +65,7 @@ class RoomStep(Step[WandShot]):
         """Take the wand from the beginning."""
         if self._jobs.is_busy:
             return
-        source, control, feed, collectors = self.form.source.source, CollectingControl(), self.feed, self._collectors
+        source, control, feed, collectors = self.form.source.source, CaptureControl(), self.feed, self._collectors
         if not source:
             self.verdict.show_problem(self.tr("Choose where the images come from, or the simulated wand."))
             return
@@ -92,7 +80,7 @@ class RoomStep(Step[WandShot]):
         self.verdict.clear()
 
         def work(monitor: Monitor) -> None:
-            from skelgen.app.capture_jobs.waving import WandCollector  # noqa: PLC0415 - loads what captures need
+            from skelgen.app.capture_jobs.collecting import WandCollector  # noqa: PLC0415 - loads what captures need
 
             collector = WandCollector(source, distances, control, feed)
             collectors.append(collector)  # at once: what it takes stays, whatever ends it
@@ -159,7 +147,7 @@ class RoomStep(Step[WandShot]):
         """Enable what can be done now."""
         super().follow()
         is_free = not self._jobs.is_busy
-        describe(self.go, self.tr("Stop waving") if self.is_collecting else self.tr("Wave the wand"))
+        describe(self.go, self.tr("Stop waving") if self.is_running else self.tr("Wave the wand"))
         self.form.setEnabled(is_free)
         self.calibrate.setEnabled(is_free and bool(self._collectors))
         self.floor.setEnabled(is_free and self.found is not None)
@@ -196,16 +184,11 @@ class RoomForm(ImageForm):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.wand, self.arms = QLineEdit("0, 180, 500", self), QLineEdit("600, 400", self)
-        describe(self.wand, self.tr("Balls of the wand"), self.tr("Where its two or three balls are along it [mm]"))
-        tip = self.tr("From the ball in its corner to the others [mm]; x runs along the first arm, z up")
-        describe(self.arms, self.tr("Arms of the L-frame"), tip)
         self.fields.addRow(self.tr("Wand"), self.wand)
-        self.add_source(self.tr("cameras, a folder of folders or videos"))
-        tip = self.tr("Try it without cameras: four simulated ones look at a waved wand")
-        self.add_buttons(self.tr("Simulated wand"), self.tr("Wave a simulated wand"), tip)
+        self.add_source()
+        self.add_buttons()
         self.ground = SourceField(self)
-        self.ground.setAccessibleName(self.tr("Source of images of the L-frame"))
-        self.ground.show_hint(self.tr("the same cameras"))
+        put_texts(self)
         self.fields.addRow(self.tr("L-frame"), self.arms)
         self.fields.addRow(self.tr("its source"), self.ground)
         self.simulated.clicked.connect(self._choose_simulation)

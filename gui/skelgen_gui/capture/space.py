@@ -8,7 +8,7 @@ from PySide6.QtCore import QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QKeyEvent, QMouseEvent, QPainter, QPaintEvent, QPen, QResizeEvent, QWheelEvent
 from PySide6.QtWidgets import QWidget
 
-from skelgen.app.capture_jobs.camera_images import NO_BODY
+from skelgen.app.capture_jobs.images import NO_BODY
 from skelgen.app.capture_jobs.messages import FoundInSpace
 from skelgen.model.arrays import Floats
 from skelgen.model.rig import CameraRig, StereoRig
@@ -17,6 +17,7 @@ from skelgen_gui.model.viewpoint import DEPTH, Viewpoint, cameras_of, up_axis
 from skelgen_gui.view3d.colours import Colours, Sprites, Style
 from skelgen_gui.view3d.controls import ARROWS, KEY_SHIFT, KEY_TURN, ZOOMS, Drag, DragKind, dragged, wheeled
 from skelgen_gui.view3d.renderer import paint_background
+from skelgen_gui.widgets.layouts import put_texts
 from skelgen_gui.widgets.painting import colour_of_limb, doubt_colour, draw_lines, draw_names
 
 # A rig's x right, y down, z away, turned to x right, y away, z up, as viewers stand
@@ -52,10 +53,7 @@ class Space(QWidget):
         self._drag: Drag | None = None
         self._sprites = Sprites(1.0)
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
-        self.setAccessibleName(self.tr("Points and bodies in space"))
-        self.setToolTip(
-            self.tr("Dragging turns, the right button moves, the wheel zooms; F fits, 1 looks from the cameras")
-        )
+        put_texts(self)
 
     def show_rig(self, rig: StereoRig | CameraRig) -> None:
         """Show the cameras of a rig, and what they look at."""

@@ -4,20 +4,24 @@ from abc import abstractmethod
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Generic, Protocol, TypeVar
+from typing import TYPE_CHECKING, Generic, TypeVar
 
 from PySide6.QtCore import Qt, QTimer, Signal
 from PySide6.QtWidgets import QFileDialog, QLabel, QLayout, QPushButton, QScrollArea, QWidget
 
-from skelgen.app.capture_jobs.messages import CollectingControl, Feed, TargetShot
-from skelgen.capture.calibration.verdict import Verdict
+from skelgen.app.capture_jobs.messages import CaptureControl, Feed, TargetShot
 from skelgen.errors import Cancelled, SkelgenError
 from skelgen.model.rig import AnySettings
 from skelgen.progress import Monitor
-from skelgen_gui.capture.camera_views import VerdictLabel
 from skelgen_gui.capture.forms import SourceForm
+from skelgen_gui.capture.measured import VerdictLabel
 from skelgen_gui.project.jobs import Jobs
 from skelgen_gui.widgets.layouts import bare_column, describe, scrolled, wrap
+
+if TYPE_CHECKING:
+    from skelgen.app.capture_jobs.collecting import BodyCollector, JointCollector
+    from skelgen.capture.calibration.body import BodyCalibration
+    from skelgen.capture.calibration.joints import JointCalibration
 
 _T = TypeVar("_T")
 _Shot = TypeVar("_Shot")
@@ -25,26 +29,13 @@ _Shot = TypeVar("_Shot")
 _ProgressT = TypeVar("_ProgressT")
 
 
-class Step(QWidget, Generic[_Shot]):
-    """One step: a button that starts and stops, a sentence on how far it is, a verdict.
+class JobPanel(QWidget, Generic[_Shot]):
+    """A job that takes images until it is told to stop, with the button `go` that starts and stops it.
 
     Signals
     -------
     shot(object)
-        The newest pair of images, and what was found in it.
-    saved(object)
-        Settings were written; their path.
-
-    Attributes
-    ----------
-    go : QPushButton
-        Starts and stops.
-    state : QLabel
-        How far it is.
-    verdict : VerdictLabel
-        What came out, or what is wrong.
-    results : tuple of QWidget
-        What shows the numbers of it.
+        The newest images, and what was found in them.
 
     Parameters
     ----------
@@ -57,65 +48,54 @@ class Step(QWidget, Generic[_Shot]):
     """
 
     shot = Signal(object)
-    saved = Signal(object)
     _arrived = Signal()
+    go: QPushButton
 
     def __init__(self, jobs: Jobs, report_error: Callable[[Exception], None], parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._jobs, self._report_error = jobs, report_error
-        self._control: CollectingControl | None = None
+        self._control: CaptureControl | None = None
         self.feed: Feed[_Shot] = Feed(self._arrived.emit)
-        self.go, self.state, self.verdict = QPushButton(self), QLabel(self), VerdictLabel(self)
-        wrap(self.state, self.tr("How far it is"))
-        self.results: tuple[QWidget, ...] = ()
-        self._area = QScrollArea(self)
         self._arrived.connect(self.show_newest)
-        self.go.clicked.connect(lambda: self.stop() if self.is_collecting else self.start())
-        jobs.begun.connect(self.follow)
-        jobs.ended.connect(self.follow)
+
+    def listen(self) -> None:
+        """Follow the button, and all jobs."""
+        self.go.clicked.connect(lambda: self.stop() if self.is_running else self.start())
+        self._jobs.begun.connect(self.follow)
+        self._jobs.ended.connect(self.follow)
 
     @property
-    def is_collecting(self) -> bool:
-        """Whether images are being collected."""
+    def is_running(self) -> bool:
+        """Whether images are being taken."""
         return self._control is not None
 
     @abstractmethod
     def start(self) -> None:
-        """Collect images as the form says, unless something runs."""
+        """Take images as the form says, unless something runs."""
 
     @abstractmethod
     def show_newest(self) -> None:
-        """Show the newest pair of images."""
+        """Show the newest images."""
+
+    @abstractmethod
+    def show_failure(self, error: Exception) -> None:
+        """Show what broke the job off."""
 
     def follow(self) -> None:
         """Enable what can be done now."""
         if not self._jobs.is_busy:
             self._control = None  # a job that was cancelled before it began does not report its end
-        self.go.setText(self.tr("Stop") if self.is_collecting else self.tr("Start"))
-        self.go.setEnabled(self.is_collecting or not self._jobs.is_busy)
+        self.go.setText(self.tr("Stop") if self.is_running else self.tr("Start"))
+        self.go.setEnabled(self.is_running or not self._jobs.is_busy)
 
     def stop(self) -> None:
-        """End after this pair."""
+        """End after these images."""
         if self._control is not None:
             self._control.stop.set()
             self.go.setEnabled(False)
 
-    def run(self, title: str, work: Callable[[Monitor], _T], done: Callable[[_T], None]) -> None:
-        """Do some work as a job; an error is shown where the verdict stands.
-
-        Parameters
-        ----------
-        title : str
-            Progress is reported under this name.
-        work : callable (monitor) -> result
-            Runs on another thread.
-        done : callable (result)
-            Is called in the window's thread.
-        """
-        self._jobs.start(title, work, done, self._fail)
-
     def collect(
-        self, title: str, control: CollectingControl, work: Callable[[Monitor], _T], done: Callable[[_T | None], None]
+        self, title: str, control: CaptureControl, work: Callable[[Monitor], _T], done: Callable[[_T | None], None]
     ) -> None:
         """Collect images as a job, until the control stops it.
 
@@ -123,7 +103,7 @@ class Step(QWidget, Generic[_Shot]):
         ----------
         title : str
             Progress is reported under this name.
-        control : CollectingControl
+        control : CaptureControl
             Stops the job.
         work : callable (monitor) -> result
             Runs on another thread.
@@ -148,6 +128,62 @@ class Step(QWidget, Generic[_Shot]):
             self._control = None
         self.follow()
 
+    def _fail(self, error: Exception) -> None:
+        self._control = None
+        self.show_newest()
+        self.show_failure(error)
+        self.follow()
+
+
+class Step(JobPanel[_Shot]):
+    """One step of a calibration: a button that starts and stops, a sentence on how far it is, a verdict.
+
+    Signals
+    -------
+    saved(object)
+        Settings were written; their path.
+
+    Attributes
+    ----------
+    go : QPushButton
+        Starts and stops.
+    state : QLabel
+        How far it is.
+    verdict : VerdictLabel
+        What came out, or what is wrong.
+    results : tuple of QWidget
+        What shows the numbers of it.
+
+    Parameters
+    ----------
+    jobs, report_error, parent
+        As of `JobPanel`.
+    """
+
+    saved = Signal(object)
+
+    def __init__(self, jobs: Jobs, report_error: Callable[[Exception], None], parent: QWidget | None = None) -> None:
+        super().__init__(jobs, report_error, parent)
+        self.go, self.state, self.verdict = QPushButton(self), QLabel(self), VerdictLabel(self)
+        wrap(self.state, self.tr("How far it is"))
+        self.results: tuple[QWidget, ...] = ()
+        self._area = QScrollArea(self)
+        self.listen()
+
+    def run(self, title: str, work: Callable[[Monitor], _T], done: Callable[[_T], None]) -> None:
+        """Do some work as a job; an error is shown where the verdict stands.
+
+        Parameters
+        ----------
+        title : str
+            Progress is reported under this name.
+        work : callable (monitor) -> result
+            Runs on another thread.
+        done : callable (result)
+            Is called in the window's thread.
+        """
+        self._jobs.start(title, work, done, self._fail)
+
     def asked_settings(self, proposed: str) -> Path | None:
         """Ask where to save the settings, beginning with a proposed file; None if the user cancels."""
         title, kinds = self.tr("Save the settings of the capture"), self.tr("Settings (*.xml)")
@@ -168,31 +204,17 @@ class Step(QWidget, Generic[_Shot]):
         self._area.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         bare_column(self, [scrolled(parts, self._area, has_margin=True)])
 
-    def _fail(self, error: Exception) -> None:
-        self._control = None
-        self.show_newest()
+    def show_failure(self, error: Exception) -> None:
+        """Say where the verdict stands what is wrong with images or forms; report what nobody foresaw."""
         if isinstance(error, SkelgenError):
             self.verdict.show_problem(str(error))
             self.show_end()
         else:
             self._report_error(error)
-        self.follow()
 
 
-class _Calibration(Protocol):
-    @property
-    def verdict(self) -> Verdict: ...
-
-
-class _Collector(Protocol):
-    @property
-    def settings(self) -> AnySettings | None: ...
-
-    def run(self, title: str, monitor: Monitor) -> None: ...
-
-
-_CollectorT = TypeVar("_CollectorT", bound=_Collector)
-_CalibrationT = TypeVar("_CalibrationT", bound=_Calibration)
+_CollectorT = TypeVar("_CollectorT", bound="BodyCollector | JointCollector")
+_CalibrationT = TypeVar("_CalibrationT", bound="BodyCalibration | JointCalibration")
 
 
 @dataclass(frozen=True)
@@ -207,7 +229,7 @@ class Plan(Generic[_CollectorT, _CalibrationT, _ProgressT]):
         Calibrates from what was collected.
     """
 
-    collector: Callable[[CollectingControl, Feed[TargetShot[_ProgressT]]], _CollectorT]
+    collector: Callable[[CaptureControl, Feed[TargetShot[_ProgressT]]], _CollectorT]
     calibrate: Callable[[_CollectorT, Monitor], _CalibrationT]
 
 
@@ -272,7 +294,7 @@ class AddingStep(Step[TargetShot[_ProgressT]], Generic[_CollectorT, _Calibration
         """Collect images as the form says, from the beginning."""
         if self._jobs.is_busy:
             return
-        plan, control, feed = self.plan(), CollectingControl(), self.feed
+        plan, control, feed = self.plan(), CaptureControl(), self.feed
         collectors = self._collectors = []
         loading, title, computing = self.tr("Loading"), self.tr("Taking pairs of images"), self.tr("Calibrating")
 
@@ -332,7 +354,7 @@ class AddingStep(Step[TargetShot[_ProgressT]], Generic[_CollectorT, _Calibration
         """Enable what can be done now."""
         super().follow()
         is_busy = self._jobs.is_busy
-        describe(self.go, self.tr("Stop and calibrate") if self.is_collecting else self.tr("Take pairs of images"))
+        describe(self.go, self.tr("Stop and calibrate") if self.is_running else self.tr("Take pairs of images"))
         self.form.setEnabled(not is_busy)
         collector = self._collector
         self.calibrate.setEnabled(collector is not None and collector.settings is not None and not is_busy)

@@ -17,7 +17,7 @@ from PySide6.QtWidgets import QComboBox, QGridLayout, QLabel, QLineEdit, QPushBu
 from skelgen_formats.capture_settings import read_any_settings
 
 from skelgen.app.capture import add_body, add_joints
-from skelgen.app.capture_jobs.messages import CollectingControl, Feed, JointProgress, TargetShot
+from skelgen.app.capture_jobs.messages import CaptureControl, Feed, TargetShot
 from skelgen.capture.values import JointRequest, frames_from_text, start_from_text
 from skelgen.errors import InputError, SkelgenError
 from skelgen.model.rig import AnySettings
@@ -27,13 +27,13 @@ from skelgen_gui.capture.steps import AddingStep, Plan
 from skelgen_gui.project.deriving import Deriver
 from skelgen_gui.project.jobs import Jobs
 from skelgen_gui.widgets.fields import keep_narrow
-from skelgen_gui.widgets.layouts import bare_column, describe, row_of
+from skelgen_gui.widgets.layouts import bare_column, put_texts, row_of
 
 if TYPE_CHECKING:
     from skelgen.app.capture_jobs.collecting import BodyCollector, JointCollector
     from skelgen.capture.calibration.body import BodyCalibration
     from skelgen.capture.calibration.joints import JointCalibration
-    from skelgen.capture.calibration.taking import BodyProgress
+    from skelgen.capture.calibration.taking import BodyProgress, JointProgress
 
 
 class TargetStep(AddingStep["BodyCollector", "BodyCalibration", "BodyProgress"]):
@@ -51,7 +51,7 @@ class TargetStep(AddingStep["BodyCollector", "BodyCalibration", "BodyProgress"])
         super().__init__(TargetForm(), jobs, report_error, parent)
         self.balls = BallTable(self)
         self.results = (self.balls,)
-        self.add.setToolTip(self.tr("Write the target into the settings, in place of one of the same name"))
+        put_texts(self)
         self.lay_out((self.form, self.go, self.state, row_of(self.calibrate, self.add), self.verdict, self.balls))
         self.form.name.textChanged.connect(self.follow)
         self.follow()
@@ -68,7 +68,7 @@ class TargetStep(AddingStep["BodyCollector", "BodyCalibration", "BodyProgress"])
         """Return what is to be done as the form says now."""
         options, name, n_balls = self.form.options, self._name, self.form.n_balls
 
-        def collector(control: CollectingControl, feed: Feed[TargetShot[BodyProgress]]) -> BodyCollector:
+        def collector(control: CaptureControl, feed: Feed[TargetShot[BodyProgress]]) -> BodyCollector:
             from skelgen.app.capture_jobs.collecting import BodyCollector  # noqa: PLC0415 - loads what captures need
 
             return BodyCollector(options, control, feed, name, n_balls)
@@ -112,7 +112,7 @@ class TargetStep(AddingStep["BodyCollector", "BodyCalibration", "BodyProgress"])
         return self.form.name.text().strip() or self.tr("target")
 
 
-class JointStep(AddingStep["JointCollector", "JointCalibration", JointProgress]):
+class JointStep(AddingStep["JointCollector", "JointCalibration", "JointProgress"]):
     """Takes pairs of images of targets that move, calibrates their joints, adds these to the settings.
 
     Parameters
@@ -128,7 +128,7 @@ class JointStep(AddingStep["JointCollector", "JointCalibration", JointProgress])
         self.joints = JointTable(self)
         self._reader = Deriver(self)
         self.results = (self.joints,)
-        self.add.setToolTip(self.tr("Write the joints into the settings, in place of those of the same names"))
+        put_texts(self)
         heading = QLabel(self.tr("Joints (found if none is named)"), self)
         parts = (self.form, heading, self.requests, self.go, self.state, self.motions, self.turns)
         self.lay_out((*parts, row_of(self.calibrate, self.add), self.verdict, self.joints))
@@ -152,7 +152,7 @@ class JointStep(AddingStep["JointCollector", "JointCalibration", JointProgress])
         """Return what is to be done as the form says now."""
         options, requests, chosen = self.form.options, self.requests.requests, self._form.use_frames.text()
 
-        def collector(control: CollectingControl, feed: Feed[TargetShot[JointProgress]]) -> JointCollector:
+        def collector(control: CaptureControl, feed: Feed[TargetShot[JointProgress]]) -> JointCollector:
             from skelgen.app.capture_jobs.collecting import JointCollector  # noqa: PLC0415 - loads what captures need
 
             return JointCollector(options, control, feed, requests)
@@ -265,29 +265,10 @@ class RequestList(QWidget):
         self._show(tuple(request for request in self.requests if request.parent in names and request.child in names))
 
     def _describe(self) -> None:
-        self.name.setPlaceholderText(self.tr("Joint, such as elbow"))
-        self.name.setAccessibleName(self.tr("Name of the joint"))
-        self.name.setToolTip(self.tr("Without names, joints are found from the motion, with their types"))
-        self.start.setPlaceholderText(self.tr("found; x,y,z:x,y,z in mm"))
-        places = self.tr(
-            "Where the search for this joint begins, in mm in the parent, and behind the colon in the child"
-        )
-        describe(self.start, self.tr("Start of the search for the joint"), places)
         self.kind.addItems(list(self._types))
-        titles = self.tr("Joint"), self.tr("Parent"), self.tr("Child"), self.tr("Kind")
-        tip = self.tr("Joints that are measured; Delete takes the chosen ones away. Without any, joints are found")
-        self.table.describe(self.tr("Joints that are measured"), tip, titles)
-        carries = self.tr("The target that carries the joint, such as the upper arm of the elbow")
-        turns = self.tr("The target that turns, such as the lower arm of the elbow")
-        for box, name, tip, hint in (
-            (self.kind, self.tr("Type of the joint"), self.tr("Found from the motion, or stated"), ""),
-            (self.parent_box, self.tr("Parent of the joint"), carries, self.tr("Parent")),
-            (self.child_box, self.tr("Child of the joint"), turns, self.tr("Child")),
-        ):
-            describe(box, name, tip)
-            box.setPlaceholderText(hint)
+        for box in (self.kind, self.parent_box, self.child_box):
             keep_narrow(box, 8)
-        self.less.setToolTip(self.tr("Do not measure the chosen joints"))
+        put_texts(self)
 
     @property
     def _request(self) -> JointRequest:

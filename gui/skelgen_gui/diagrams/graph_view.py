@@ -18,6 +18,7 @@ from skelgen_gui.model.selection import Selection
 from skelgen_gui.model.wording import limb_words
 from skelgen_gui.project.deriving import Deriver
 from skelgen_gui.project.session import Session
+from skelgen_gui.widgets.layouts import put_texts
 from skelgen_gui.widgets.painting import ZOOM, notches, paint_words, show_tip
 from skelgen_gui.widgets.shortcuts import ARROW_KEYS
 
@@ -38,6 +39,11 @@ class GraphView(QWidget):
     and click: this as well), a click on a line or J the joint, a click on another line both of its limbs; the wheel
     zooms, dragging pans, a double click or 0 shows all.
 
+    Attributes
+    ----------
+    graph : CostGraph or None
+        What is shown; None while it is derived, or before there are joints.
+
     Parameters
     ----------
     session : Session
@@ -49,7 +55,7 @@ class GraphView(QWidget):
     def __init__(self, session: Session, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._session = session
-        self._graph: CostGraph | None = None
+        self.graph: CostGraph | None = None
         self._graph_of: Project | None = None
         self._layouts: tuple[Floats, Floats] = (np.zeros((0, 2)), np.zeros((0, 2)))
         self._zoom, self._shift = 1.0, QPointF(0, 0)
@@ -59,22 +65,14 @@ class GraphView(QWidget):
         self.deriver = Deriver(self)
         self.layout_box = QComboBox(self)
         self.layout_box.addItems([self.tr("As in the take"), self.tr("As a tree")])
-        self.layout_box.setAccessibleName(self.tr("Places of the limbs"))
-        self.layout_box.setToolTip(self.tr("Where limbs are drawn: as they are in the take, or as a tree"))
         self.layout_box.move(6, 6)
         self.layout_box.currentIndexChanged.connect(self.show_all)
-        self.setAccessibleName(self.tr("Graph of joints"))
-        self.setAccessibleDescription(self.tr("Limbs, all joints that were tried, and the tree that was found"))
+        put_texts(self)
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
         self.setMouseTracking(True)
         session.project_changed.connect(self._follow_project)
         session.selection_changed.connect(self.update)
         self._follow_project()
-
-    @property
-    def graph(self) -> CostGraph | None:
-        """What is shown; None while it is derived, or before there are joints."""
-        return self._graph
 
     @property
     def places(self) -> Floats:
@@ -103,10 +101,10 @@ class GraphView(QWidget):
             count = self.tr("{0}: {1} markers") if len(markers) != 1 else self.tr("{0}: 1 marker")
             names = as_many_as_fit([project.trajectories.names[marker] for marker in markers], _NAMES_ROOM)
             return count.format(limb_words(project, limb), len(markers)) + f"\n{names}"
-        if joint is not None and self._graph is not None:
-            return joint_sentences(self._graph.joints[joint], self._called)
-        if pair is not None and self._graph is not None:
-            return pair_sentences(self._graph, *pair, self._called)
+        if joint is not None and self.graph is not None:
+            return joint_sentences(self.graph.joints[joint], self._called)
+        if pair is not None and self.graph is not None:
+            return pair_sentences(self.graph, *pair, self._called)
         return self.tr(
             "Strong lines: the tree · faint lines: joints that were tried · % : how likely the joint is there"
         )
@@ -163,10 +161,10 @@ class GraphView(QWidget):
     def keyPressEvent(self, event: QKeyEvent) -> None:
         """Go from limb to limb, or to the joint above one."""
         key = Qt.Key(event.key())
-        if key in _STEPS and self._graph is not None:
+        if key in _STEPS and self.graph is not None:
             self._step(np.array(_STEPS[key], dtype=np.float64))
-        elif key == Qt.Key.Key_J and self._graph is not None:
-            above = np.flatnonzero(self._graph.topology.children == self._session.selection.limb)
+        elif key == Qt.Key.Key_J and self.graph is not None:
+            above = np.flatnonzero(self.graph.topology.children == self._session.selection.limb)
             if len(above):
                 self._session.select(Selection(joint=int(above[0])))
         elif key == Qt.Key.Key_0:
@@ -185,14 +183,14 @@ class GraphView(QWidget):
     def paintEvent(self, event: QPaintEvent) -> None:
         """Paint the graph, and what is selected."""
         with QPainter(self) as painter:
-            if self._graph is None:
+            if self.graph is None:
                 words = self.tr("Run the step Joints to see what the tree was chosen from")
                 paint_words(painter, QRectF(self.rect()), words, self.palette())
             else:
-                painting = GraphPainting(painter, self._graph, self.places, self.palette())
+                painting = GraphPainting(painter, self.graph, self.places, self.palette())
                 painting.pairs()
                 painting.tree(self._session.selection.joint)
-                painting.rival(self._marked_joint(self._graph))
+                painting.rival(self._marked_joint(self.graph))
                 painting.signs()
                 painting.limbs(self._selected_limbs(), self._pointed_limb)
                 painting.words(() if self._graph_of is None else self._graph_of.limbs.names)
@@ -204,14 +202,14 @@ class GraphView(QWidget):
         project = self._session.project
         self.deriver.forget()
         if project is None or not project.has("joints"):
-            self._graph = None
+            self.graph = None
             self.update()
         else:
             self.deriver.derive(partial(find_graph, project), partial(self._take, project))
 
     def _take(self, project: Project, found: tuple[CostGraph, tuple[Floats, Floats]]) -> None:
         is_same_take = self._graph_of is not None and self._graph_of.take is project.take
-        self._graph_of, (self._graph, self._layouts) = project, found
+        self._graph_of, (self.graph, self._layouts) = project, found
         self._pointed_limb = self._pointed_joint = None
         if is_same_take:
             self.update()
@@ -220,19 +218,19 @@ class GraphView(QWidget):
 
     def _found_at(self, place: QPointF) -> tuple[int | None, int | None, tuple[int, int] | None]:
         """The limb, the joint, or the pair of limbs at a place."""
-        if self._graph is None:
+        if self.graph is None:
             return None, None, None
         places, at = self.places, np.array([place.x(), place.y()])
         limb = nearest_point(places, at, NODE)
         if limb is not None:
             return limb, None, None
-        joint = nearest_line(places[self._graph.topology.edges], at, _NEAR_JOINT)
+        joint = nearest_line(places[self.graph.topology.edges], at, _NEAR_JOINT)
         if joint is not None:
             return None, joint, None
-        pair = nearest_line(places[self._graph.pairs], at, _NEAR_PAIR)
+        pair = nearest_line(places[self.graph.pairs], at, _NEAR_PAIR)
         if pair is None:
             return None, None, None
-        first, second = self._graph.pairs[pair].tolist()
+        first, second = self.graph.pairs[pair].tolist()
         return None, None, (first, second)
 
     def _selection_at(self, place: QPointF, adds: bool) -> Selection | None:
@@ -240,14 +238,14 @@ class GraphView(QWidget):
 
         With the limbs of the dashed line the joint stays selected that it would replace.
         """
-        if self._graph is None:
+        if self.graph is None:
             return None
-        marked = self._marked_joint(self._graph)
+        marked = self._marked_joint(self.graph)
         if marked is not None and marked.rival is not None:
             line = self.places[np.array([marked.rival])]
             is_other = nearest_point(self.places, np.array([place.x(), place.y()]), NODE) is None
             if is_other and nearest_line(line, np.array([place.x(), place.y()]), _NEAR_RIVAL) is not None:
-                return Selection(joint=self._graph.joints.index(marked)).with_limbs(frozenset(marked.rival))
+                return Selection(joint=self.graph.joints.index(marked)).with_limbs(frozenset(marked.rival))
         limb, joint, pair = self._found_at(place)
         if limb is not None:
             return self._session.selection.with_limb(limb) if adds else Selection(limb=limb)
@@ -271,11 +269,11 @@ class GraphView(QWidget):
 
     def _step(self, direction: Floats) -> None:
         """Select the nearest limb in a direction, at first the first root."""
-        if self._graph is None or not self._graph.topology.n_limbs:
+        if self.graph is None or not self.graph.topology.n_limbs:
             return
         limb = self._session.selection.limb
-        if limb is None or limb >= self._graph.topology.n_limbs:
-            self._session.select(Selection(limb=int(self._graph.topology.roots[0])))
+        if limb is None or limb >= self.graph.topology.n_limbs:
+            self._session.select(Selection(limb=int(self.graph.topology.roots[0])))
             return
         between = self.places - self.places[limb]
         along = between @ direction

@@ -26,7 +26,7 @@ from skelgen.model.questions import Question
 from skelgen_gui.model.labelling import Answer, MarkerRow, answers, question_words
 from skelgen_gui.model.selection import Selection
 from skelgen_gui.project.session import Session
-from skelgen_gui.widgets.layouts import Index, Role, RowModel, bare_column, choose_by_rows, describe
+from skelgen_gui.widgets.layouts import Index, Role, RowModel, bare_column, choose_by_rows, describe, put_texts
 
 _NAME = 0
 _LEAST_ROWS = 6  # in sight, one of them for the heads
@@ -93,8 +93,7 @@ class MarkerTable(QTableView):
         self.verticalHeader().setDefaultSectionSize(self.fontMetrics().height() + 6)
         self.setMinimumHeight(_LEAST_ROWS * self.verticalHeader().defaultSectionSize())
         self.setContextMenuPolicy(Qt.ContextMenuPolicy.CustomContextMenu)
-        tip = self.tr("What needs most work comes first; a click on a head sorts, Enter goes on to the name")
-        describe(self, self.tr("Markers to label"), tip)
+        put_texts(self)
         self.customContextMenuRequested.connect(
             lambda place: session.menu_requested.emit(self.viewport().mapToGlobal(place))
         )
@@ -198,8 +197,7 @@ class Questions(QWidget):
             button.clicked.connect(partial(self._say, number))
         self.hint = QLabel(self.tr("Type its name above, and press Enter"), self)
         self.hint.setWordWrap(True)
-        tip = self.tr("A click shows what is meant; keys 1 and 2 answer")
-        describe(self.list, self.tr("Questions"), tip)
+        put_texts(self)
         bare_column(self, (self.title, self.list, self.hint, self._buttons))
         self.list.selectionModel().currentChanged.connect(self._show)
         self.list.clicked.connect(self._show)

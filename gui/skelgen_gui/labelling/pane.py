@@ -29,7 +29,7 @@ from skelgen_gui.project.corrections import CorrectionActions
 from skelgen_gui.project.deriving import Deriver, PanelWhileSeen
 from skelgen_gui.project.session import Document
 from skelgen_gui.widgets.fields import keep_narrow
-from skelgen_gui.widgets.layouts import column, describe, row_of
+from skelgen_gui.widgets.layouts import column, put_texts, row_of
 
 _MOST_NAMES = 200  # in the list
 _NAMES_HEIGHT = 110  # px, at most
@@ -68,7 +68,7 @@ class LabellingPane(PanelWhileSeen):
         self.search, self.table = QLineEdit(self), MarkerTable(session, self)
         self.name, self.sets = _NameLine(self), QComboBox(self)
         self.names, self._left = QListView(self), QStringListModel(self)
-        self.after_click = QCheckBox(self.tr("Type a name after a click on a marker"), self)
+        self.after_click = QCheckBox(self)
         self.questions = Questions(session, self)
         self._describe()
         parts = (self.search, self.table, row_of(self.name, self.sets), self.names, self.after_click, self.questions)
@@ -79,12 +79,7 @@ class LabellingPane(PanelWhileSeen):
         self._follow_selection()
 
     def _describe(self) -> None:
-        self.search.setPlaceholderText(self.tr("Search"))
-        describe(self.search, self.tr("Search markers"), self.tr("Part of a name"))
-        tip = self.tr("Name of the selected marker; Enter gives it and goes on to the next one, F3 to the next doubt")
-        describe(self.name, self.tr("Name of the selected marker"), tip)
         keep_narrow(self.sets, _LETTERS)
-        describe(self.sets, self.tr("Marker set"), self.tr("Whose names are offered below"))
         self.names.setModel(self._left)
         self.names.setEditTriggers(QListView.EditTrigger.NoEditTriggers)
         self.names.setMaximumHeight(_NAMES_HEIGHT)
@@ -93,12 +88,8 @@ class LabellingPane(PanelWhileSeen):
         self.names.setWrapping(True)
         self.names.setResizeMode(QListView.ResizeMode.Adjust)
         self.names.setSpacing(2)
-        tip = self.tr("Names that no marker has yet; a click gives one to the selected marker")
-        describe(self.names, self.tr("Names to give"), tip)
+        put_texts(self)
         self.after_click.setChecked(True)
-        describe(
-            self.after_click, self.after_click.text(), self.tr("A click on a marker in any view leads to its name here")
-        )
 
     def _connect(self) -> None:
         session = self._session

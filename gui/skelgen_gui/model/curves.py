@@ -9,7 +9,7 @@ import numpy as np
 from skelgen.app.drawing.measures import joint_called, residual_per_frame
 from skelgen.app.drawing.scales import Extremes
 from skelgen.kinematics.inverse.inverse_kinematics import posture_of
-from skelgen.kinematics.joints.angles import angle_names, joint_angles
+from skelgen.kinematics.joints.angles import angle_names, continued, joint_angles
 from skelgen.model import Project
 from skelgen.model.arrays import Floats
 from skelgen_gui.model import translate
@@ -144,9 +144,7 @@ def joint_curve(project: Project, joint: int) -> JointCurve:
     """
     one, motion = project.skeleton.joints[joint], project.motion
     relative = motion.rotations[:, one.parent].swapaxes(1, 2) @ motion.rotations[:, one.child]
-    angles = joint_angles(one, relative)
-    if one.axis is not None:
-        angles = np.unwrap(angles, axis=0)
+    angles = continued(one, joint_angles(one, relative))
     step = -(-motion.n_frames // _MOST_POSTURES) if motion.n_frames else 1
     frames = np.arange(0, motion.n_frames, step)
     posture = posture_of(project.skeleton, motion, project.trajectories.positions, frames)

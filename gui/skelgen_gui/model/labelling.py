@@ -191,7 +191,7 @@ def question_words(question: Question, names: Iterable[str]) -> str:
 
 
 def answers(project: Project, question: Question) -> tuple[Answer, ...]:
-    """Return what can be answered; none where a name must be said, see `point_identity`.
+    """Return what can be answered; none where a name must be said, see `with_point_named`.
 
     Parameters
     ----------

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -94,40 +93,6 @@ class Region:
         return cls(float((top + bottom - size) / 2), float((left + right - size) / 2), float(size))
 
 
-class Box(NamedTuple):
-    """A rectangle in a widget [px]."""
-
-    left: float
-    top: float
-    width: float
-    height: float
-
-    @property
-    def right(self) -> float:
-        """Its right edge."""
-        return self.left + self.width
-
-    @property
-    def bottom(self) -> float:
-        """Its lower edge."""
-        return self.top + self.height
-
-    @property
-    def middle(self) -> tuple[float, float]:
-        """Its middle, x and y."""
-        return self.left + self.width / 2, self.top + self.height / 2
-
-    def clamped(self, x: float, y: float) -> tuple[float, float]:
-        """Return the nearest place within it.
-
-        Parameters
-        ----------
-        x, y : float, px
-            The place.
-        """
-        return min(max(x, self.left), self.right), min(max(y, self.top), self.bottom)
-
-
 @dataclass(frozen=True)
 class PlacedRegion:
     """A part of a matrix in a square of a widget.
@@ -136,20 +101,22 @@ class PlacedRegion:
     ----------
     region : Region
         The part that is in sight.
-    square : Box, px
+    left, top, side : float, px
         Where it lies.
     n : int
         Rows of the whole matrix.
     """
 
     region: Region
-    square: Box
+    left: float
+    top: float
+    side: float
     n: int
 
     @property
     def cell(self) -> float:
         """Side of a cell [px]."""
-        return self.square.width / self.region.size
+        return self.side / self.region.size
 
     def corner(self, row: float, column: float) -> tuple[float, float]:
         """Return where a row and a column begin, x and y [px], within the square.
@@ -159,11 +126,11 @@ class PlacedRegion:
         row, column : float
             The row and the column.
         """
-        x = self.square.left + (column - self.region.column) * self.cell
-        return self.square.clamped(x, self.square.top + (row - self.region.row) * self.cell)
+        x = self.left + (column - self.region.column) * self.cell
+        return self._clamped(x, self.top + (row - self.region.row) * self.cell)
 
-    def block(self, rows: tuple[float, float], columns: tuple[float, float]) -> Box:
-        """Return where the part of a block lies that is in sight; empty if none is.
+    def block(self, rows: tuple[float, float], columns: tuple[float, float]) -> tuple[float, float, float, float]:
+        """Return left, top, width and height [px] of the part of a block that is in sight; empty if none is.
 
         Parameters
         ----------
@@ -172,7 +139,7 @@ class PlacedRegion:
         """
         left, top = self.corner(rows[0], columns[0])
         right, bottom = self.corner(rows[1], columns[1])
-        return Box(left, top, right - left, bottom - top)
+        return left, top, right - left, bottom - top
 
     def index_at(self, x: float, y: float) -> tuple[float, float]:
         """Return row and column at a place [px], within what is in sight.
@@ -182,11 +149,8 @@ class PlacedRegion:
         x, y : float, px
             The place.
         """
-        x, y = self.square.clamped(x, y)
-        return (
-            self.region.row + (y - self.square.top) / self.cell,
-            self.region.column + (x - self.square.left) / self.cell,
-        )
+        x, y = self._clamped(x, y)
+        return self.region.row + (y - self.top) / self.cell, self.region.column + (x - self.left) / self.cell
 
     def cell_at(self, x: float, y: float) -> tuple[int, int] | None:
         """Return row and column of the cell at a place [px]; None beside the matrix.
@@ -196,7 +160,11 @@ class PlacedRegion:
         x, y : float, px
             The place.
         """
-        if not self.n or self.square.clamped(x, y) != (x, y):
+        if not self.n or self._clamped(x, y) != (x, y):
             return None
         row, column = (min(int(index), self.n - 1) for index in self.index_at(x, y))
         return row, column
+
+    def _clamped(self, x: float, y: float) -> tuple[float, float]:
+        """The nearest place within the square [px]."""
+        return min(max(x, self.left), self.left + self.side), min(max(y, self.top), self.top + self.side)

@@ -6,8 +6,7 @@ from PySide6.QtWidgets import QWidget
 
 from skelgen.app import STAGE_SUMMARIES
 from skelgen_gui.pages.export import ExportPage
-from skelgen_gui.pages.open import OpenPage
-from skelgen_gui.pages.stage import StagePage
+from skelgen_gui.pages.steps import OpenPage, StagePage
 from skelgen_gui.project.context import HOME, Context, PageEntry
 
 _TITLES = {"labels": "Labels", "limbs": "Limbs", "joints": "Joints", "skeleton": "Skeleton"}

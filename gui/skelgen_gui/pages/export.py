@@ -43,7 +43,7 @@ from skelgen_gui.project.session import Session
 from skelgen_gui.widgets.errors import show_error
 from skelgen_gui.widgets.fields import choose_button
 from skelgen_gui.widgets.forms import ParameterForm
-from skelgen_gui.widgets.layouts import bare_column, describe, put_behind, row_of, scrolled, wrap
+from skelgen_gui.widgets.layouts import bare_column, put_behind, put_texts, row_of, scrolled, wrap
 from skelgen_gui.widgets.painting import PROBLEM_ROLE
 from skelgen_gui.widgets.preferences import AXES
 
@@ -80,9 +80,8 @@ class ExportPage(QWidget):
         self.options_box = QGroupBox(self.tr("Options"), self)
         self._options = QVBoxLayout(self.options_box)
         self.target = _ExportTarget(self)
-        self.export, self.cancel = QPushButton(self.tr("Export"), self), QPushButton(self.tr("Cancel"), self)
+        self.export, self.cancel, self.show_folder = QPushButton(self), QPushButton(self), QPushButton(self)
         self.progress = QProgressBar(self)
-        self.show_folder = QPushButton(self.tr("Show folder"), self)
         self._describe()
         self._lay_out()
         self._connect()
@@ -99,20 +98,12 @@ class ExportPage(QWidget):
     def _describe(self) -> None:
         for entry in self.formats:
             self.choice.addItem(QCoreApplication.translate("Formats", entry.title))
-        describe(self.choice, self.tr("Format"), self.tr("What is written; formats that need more results are grey"))
-        for label, name in (
-            (self.note, self.tr("What the format is")),
-            (self.preview, self.tr("What will be written")),
-            (self.status, self.tr("What has been written")),
-        ):
-            wrap(label, name)
+        for label in (self.note, self.preview, self.status):
+            wrap(label)
         self.preview.setTextFormat(Qt.TextFormat.RichText)
         self.preview.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
-        self.export.setToolTip(self.tr("Write the files"))
-        self.cancel.setToolTip(self.tr("Stop; files that were there stay as they were"))
-        self.show_folder.setToolTip(self.tr("Open the folder with the written files"))
         self.progress.setRange(0, _PER_MILLE)
-        describe(self.progress, self.tr("Progress of the export"), self.tr("How much of the export is written"))
+        put_texts(self)
         for widget in (self.cancel, self.progress, self.show_folder):
             widget.hide()
 
@@ -308,15 +299,9 @@ class _ExportTarget(QWidget):
         self._rows.addRow(self.tr("Name"), self.name_line)
         self._rows.addRow(self.each_body)
         self._rows.setRowVisible(self.each_body, False)
-        tip = self.tr("Where the files go; it is made if it is not there")
-        describe(self.folder_line, self.tr("Folder"), tip)
-        describe(self.name_line, self.tr("Name"), self.tr("Beginning of the files' names"))
-        self.browse.setToolTip(self.tr("Choose the folder"))
         self.folder_line.textChanged.connect(self.changed)
         self.name_line.textChanged.connect(self.changed)
-        self.each_body.setToolTip(
-            self.tr("Files end in the names of the bodies, whose limbs they call as those of one")
-        )
+        put_texts(self)
         self.each_body.toggled.connect(self.changed)
 
     @property

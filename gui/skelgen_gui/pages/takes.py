@@ -26,8 +26,8 @@ from skelgen_gui.widgets.layouts import (
     RowModel,
     choose_by_rows,
     column,
-    describe,
     fit_columns,
+    put_texts,
     row_of,
     wrap,
 )
@@ -77,15 +77,13 @@ class TakesPage(QWidget):
         self._context = context
         self.setObjectName("page-takes")
         self.setAcceptDrops(True)
-        self.add, self.remove = QPushButton(self.tr("Add takes…"), self), QPushButton(self.tr("Remove"), self)
+        self.add, self.remove = QPushButton(self), QPushButton(self)
         self.takes, self.table = _TakesModel(self), QTableView(self)
         self.skeleton, self.subject, self.folder = QComboBox(self), QLineEdit(self), QLineEdit(self)
         title, kinds = self.tr("Project with the skeleton"), self.tr("Projects (*{0})").format(SUFFIX)
         self._browse_subject = choose_button(self.subject, title, kinds, lambda: context.runner.folder)
         self._browse = choose_button(self.folder, self.tr("Folder of the results"))
-        self.go = QPushButton(self.tr("Run all takes"), self)
-        self.open, self.compare = QPushButton(self.tr("Open result"), self), QPushButton(self.tr("Compare"), self)
-        self.show_page = QPushButton(self.tr("Show page"), self)
+        self.go, self.open, self.compare, self.show_page = (QPushButton(self) for _ in range(4))
         self.status = QLabel(self)
         self._page: Path | None = None
         self._describe()
@@ -98,29 +96,14 @@ class TakesPage(QWidget):
         self._follow()
 
     def _describe(self) -> None:
-        tr = self.tr
         self.table.setModel(self.takes)
         choose_by_rows(self.table)
         fit_columns(self.table.horizontalHeader(), 1)
-        self.skeleton.addItem(tr("Each take finds its own skeleton"), _OWN)
-        self.skeleton.addItem(tr("All take the skeleton of a project"), _OF_PROJECT)
-        self.subject.setPlaceholderText(tr("project file, {0}").format(SUFFIX))
-        wrap(self.status, tr("What became of the takes"))
-        for widget, name, tip in (
-            (self.table, tr("Takes"), tr("Drop files here, too; Enter opens the result of a take")),
-            (self.add, tr("Add takes"), tr("Choose recordings; several at once")),
-            (self.remove, tr("Remove"), tr("Take the chosen takes off this list; files stay")),
-            (self.skeleton, tr("Skeleton"), tr("Takes of one body can share the skeleton that one of them calibrated")),
-            (self.subject, tr("Project with the skeleton"), tr("Its bone lengths and joints hold for all takes")),
-            (self._browse_subject, tr("Choose the project"), tr("Choose the project with the skeleton")),
-            (self.folder, tr("Folder of the results"), tr("Each take gets a folder in it; takes done before are kept")),
-            (self._browse, tr("Choose the folder"), tr("Choose the folder of the results")),
-            (self.go, tr("Run all takes"), tr("Run all steps on every take that is not done yet")),
-            (self.open, tr("Open result"), tr("Open the project of the chosen take")),
-            (self.compare, tr("Compare"), tr("Overlay the result of the chosen take on what is open")),
-            (self.show_page, tr("Show page"), tr("Open the page of all takes in the browser")),
-        ):
-            describe(widget, name, tip)
+        self.skeleton.addItem(self.tr("Each take finds its own skeleton"), _OWN)
+        self.skeleton.addItem(self.tr("All take the skeleton of a project"), _OF_PROJECT)
+        self.subject.setPlaceholderText(self.tr("project file, {0}").format(SUFFIX))
+        wrap(self.status, self.tr("What became of the takes"))
+        put_texts(self)
 
     def _connect(self) -> None:
         self.add.clicked.connect(self._choose_takes)

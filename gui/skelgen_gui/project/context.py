@@ -1,20 +1,25 @@
-"""The context that every page gets, with the runner of stages, and the entry of a page in the table of pages."""
+"""What every page gets, with the runner of stages and the cameras, and the entry of a page in the table of pages."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
 
 from PySide6.QtCore import QObject, Signal
-from PySide6.QtWidgets import QWidget
+from PySide6.QtWidgets import QFileDialog, QWidget
+from skelgen_formats.capture_settings import read_any_settings
 
 from skelgen.app.configuration import Settings
 from skelgen.app.pipeline import first_missing_stage, run_stages
 from skelgen.errors import InputError, SkelgenError
 from skelgen.model import PointCloud, Project
 from skelgen.model.project import STAGES
+from skelgen.model.rig import CameraRig, StereoRig
 from skelgen.progress import Monitor
-from skelgen_gui.project.cameras import Cameras
+from skelgen_gui.model.viewpoint import ShownCamera, cameras_of
+from skelgen_gui.project.deriving import Deriver
 from skelgen_gui.project.file_actions import FileActions
 from skelgen_gui.project.jobs import Jobs
 from skelgen_gui.project.session import Document, Session
@@ -23,6 +28,8 @@ from skelgen_gui.widgets.preferences import Preferences
 # How long stages take in proportion, in takes of points and in others
 _OF_POINTS = {"labels": 8.0, "limbs": 1.0, "joints": 1.0, "skeleton": 4.0}
 _OF_MARKERS = {"labels": 1.0, "limbs": 1.0, "joints": 1.0, "skeleton": 4.0}
+
+_STEREO = "stereo"  # format of a take that was read from the settings of a capture and its images
 
 HOME = "open"
 """Key of the page that is shown first; those before it lead to it."""
@@ -120,6 +127,8 @@ class Runner(QObject):
     ----------
     failed : str
         The stage at which the last run ended with an error; empty if none did.
+    entered : mapping of str to mapping
+        Parameters that were entered in forms, by stage and name.
     """
 
     finished = Signal(str)
@@ -131,7 +140,7 @@ class Runner(QObject):
     ) -> None:
         super().__init__(parent)
         self._document, self._jobs, self._report_error = document, jobs, report_error
-        self._values: dict[str, Mapping[str, object]] = {}
+        self.entered: dict[str, Mapping[str, object]] = {}
         self.computes_at_once = True
         self.failed, self._stage = "", ""
         self._running: tuple[Project, str] | None = None
@@ -151,33 +160,28 @@ class Runner(QObject):
         values : mapping of str to value
             Its parameters.
         """
-        self._values[stage] = dict(values)
+        self.entered[stage] = dict(values)
 
     def has_entered(self, stage: str) -> bool:
         """Return whether parameters of a stage were entered, other than those that it ran with."""
-        return stage in self._values
+        return stage in self.entered
 
     def values(self, stage: str) -> Mapping[str, object]:
         """Return the parameters of a stage's next run: those of its form, or those that it ran with."""
         project = self._document.session.project
-        if stage not in self._values and project is not None and stage in project.reports:
+        if stage not in self.entered and project is not None and stage in project.reports:
             return project.reports[stage].parameters
-        return self._values.get(stage, {})
+        return self.entered.get(stage, {})
 
     @property
     def folder(self) -> str:
         """Where the project is, for dialogs; empty if that is not known."""
         return str(self._document.session.folder or "")
 
-    @property
-    def entered(self) -> Mapping[str, Mapping[str, object]]:
-        """Parameters that were entered in forms, by stage and name."""
-        return self._values
-
     def begin_with(self, values: Mapping[str, Mapping[str, object]]) -> None:
         """Forget what was entered, and take over the parameters that another project keeps, by stage and name."""
         self.failed = ""
-        self._values = dict(values)
+        self.entered = dict(values)
         self.values_changed.emit()
 
     def run(self, stage: str) -> None:
@@ -306,3 +310,88 @@ def _plan(project: Project, stages: Sequence[str]) -> dict[str, float]:
         return {stage: report.seconds for stage, report in zip(stages, reports, strict=True) if report is not None}
     weights = _OF_POINTS if isinstance(project.take, PointCloud) else _OF_MARKERS
     return {stage: weights[stage] for stage in stages}
+
+
+class Cameras(QObject):
+    """The cameras of the recording that is open.
+
+    Signals
+    -------
+    changed()
+        Others, or none.
+
+    Attributes
+    ----------
+    shown : tuple of ShownCamera
+        The cameras that are shown.
+
+    Parameters
+    ----------
+    report_error : callable (error)
+        Shows what went wrong.
+    window : QWidget
+        Parent of the dialog.
+    """
+
+    changed = Signal()
+
+    def __init__(self, report_error: Callable[[Exception], None], window: QWidget) -> None:
+        super().__init__(window)
+        self._report_error, self._window = report_error, window
+        self.shown: tuple[ShownCamera, ...] = ()
+        self._folder = ""
+        self._known: dict[Path, StereoRig | CameraRig] = {}
+        self._reader = Deriver(self)
+
+    def remember(self, recording: Path, rig: StereoRig | CameraRig) -> None:
+        """Note which rig a recording was made with, for when it is opened.
+
+        Parameters
+        ----------
+        recording : Path
+            The recorded file.
+        rig : StereoRig or CameraRig
+            The cameras that recorded it.
+        """
+        self._known[recording.absolute()] = rig
+
+    def begin_with(self, project: Project, cameras: tuple[ShownCamera, ...]) -> None:
+        """Show the cameras of another project.
+
+        Parameters
+        ----------
+        project : Project
+            If it keeps no cameras, those of its recording are shown, where they are known.
+        cameras : tuple of ShownCamera
+            The cameras that it keeps.
+        """
+        self._show(cameras)
+        self._folder = "" if project.source is None else str(Path(project.source.path).parent)
+        if self.shown or project.source is None:
+            return
+        path = Path(project.source.path)
+        if path in self._known:
+            self.show_rig(self._known[path])
+        elif project.source.format == _STEREO:
+            self._reader.derive(partial(_rig_in, path), self.show_rig, lambda _: None)  # the take is there all the same
+
+    def show_rig(self, rig: StereoRig | CameraRig) -> None:
+        """Show the cameras of a rig."""
+        self._show(cameras_of(rig))
+
+    def choose(self) -> None:
+        """Ask for the settings of a capture, and show their cameras."""
+        title, kinds = self.tr("Cameras of a capture"), self.tr("Settings (*.xml)")
+        name, _ = QFileDialog.getOpenFileName(self._window, title, self._folder, kinds)
+        if name:
+            self._reader.derive(partial(_rig_in, Path(name)), self.show_rig, self._report_error)
+
+    def _show(self, cameras: tuple[ShownCamera, ...]) -> None:
+        self._reader.forget()  # what is still being read is of the cameras before
+        self.shown = cameras
+        self.changed.emit()
+
+
+def _rig_in(path: Path) -> StereoRig | CameraRig:
+    """The rig in the settings of a capture; on a thread, as lxml is loaded."""
+    return read_any_settings(path).rig

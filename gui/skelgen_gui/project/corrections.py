@@ -23,14 +23,15 @@ from PySide6.QtWidgets import (
 
 from skelgen.app.corrections import frames_seen_together, is_by_subject, with_correction
 from skelgen.errors import SkelgenError
+from skelgen.files import read_table
 from skelgen.model import Project
 from skelgen.model.corrections import Correction
-from skelgen_gui.model.offers import Offer, new_name, offers
 from skelgen_gui.model.selection import Selection
+from skelgen_gui.model.wording import Offer, new_name, offers
 from skelgen_gui.project.context import Runner
 from skelgen_gui.project.deriving import Deriver
 from skelgen_gui.project.session import Document, Session
-from skelgen_gui.widgets.layouts import answer_buttons, column, describe
+from skelgen_gui.widgets.layouts import answer_buttons, column, put_texts
 from skelgen_gui.widgets.painting import as_rich_text
 
 
@@ -180,6 +181,9 @@ class CorrectionActions(QObject):
         return name.strip() if is_accepted and name.strip() else None
 
 
+_WORDS = read_table(__file__, "offers")
+
+
 def _text(offer: Offer) -> str:
     if offer.kind == "move":
         return offer.about[0]
@@ -189,27 +193,8 @@ def _text(offer: Offer) -> str:
     if offer.kind == "instead":
         return _tr("Use this joint instead: {0} – {1}, and not {2} – {3}").format(*words)
     if offer.about:
-        ways = {
-            "together": _tr("One limb: {0}"),
-            "name": _tr("Call {0}…"),
-            "name-joint": _tr("Call {0}…"),
-            "join": _tr("Joint between {0}"),
-            "part": _tr("No joint between {0}"),
-            "root": _tr("Root: {0}"),
-        }
-        return ways[offer.kind].format(_tr(" and ").join(words))
-    names = ", ".join(words)
-    return {
-        "merge": _tr("Merge {0}"),
-        "swap": _tr("Exchange {0}…"),
-        "split": _tr("Split {0}…"),
-        "rename": _tr("Rename {0}…"),
-        "delete": _tr("Delete {0}…"),
-        "together": _tr("On one limb: {0}"),
-        "apart": _tr("On different limbs: {0}"),
-        "join": _tr("Joint between the limbs of {0}"),
-        "part": _tr("No joint between the limbs of {0}"),
-    }[offer.kind].format(names)
+        return _tr(_WORDS["about"][offer.kind]).format(_tr(" and ").join(words))
+    return _tr(_WORDS["of"][offer.kind]).format(", ".join(words))
 
 
 def _tr(text: str) -> str:
@@ -238,10 +223,7 @@ class FramesDialog(QDialog):
         for box, value in zip((self.first, self.last), proposed, strict=True):
             box.setRange(0, n_frames - 1)
             box.setValue(value)
-        self.first.setAccessibleName(self.tr("First frame"))
-        self.last.setAccessibleName(self.tr("Last frame"))
-        self.first.setToolTip(self.tr("The first frame in which it holds; at first the one that is shown"))
-        self.last.setToolTip(self.tr("The last frame in which it holds, itself included"))
+        put_texts(self)
         self.first.valueChanged.connect(self.last.setMinimum)
         self.last.setMinimum(proposed[0])
         layout = QFormLayout(self)
@@ -301,11 +283,9 @@ class CorrectionList(QWidget):
             self.tr("Select markers, a joint or a limb, then right click or choose Edit, Correct."), self
         )
         self.hint.setWordWrap(True)
-        describe(self.entries, self.tr("Corrections by hand"), self.tr("Corrections that later runs apply"))
         self.take_back = QPushButton(self.tr("Take back"), self)
-        describe(self.take_back, self.tr("Take the chosen correction back"))
         self.at_once = QCheckBox(self.tr("Compute again at once"), self)
-        self.at_once.setToolTip(self.tr("After a correction, run again the steps that had run before"))
+        put_texts(self)
         self.at_once.setChecked(runner.computes_at_once)
         column(self, (self.hint, self.entries, self.take_back, self.at_once))
         session.project_changed.connect(self._follow)

@@ -1,31 +1,109 @@
-"""Opening, saving and closing: nothing is lost, and every question is asked once. With the menu of recent files."""
+"""Opening, saving and closing: nothing is lost, and every question is asked once; how recordings are read; samples."""
 
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 
 from PySide6.QtCore import QObject, Signal
-from PySide6.QtGui import QAction
-from PySide6.QtWidgets import QFileDialog, QMenu, QMessageBox, QWidget
+from PySide6.QtWidgets import QDialog, QDialogButtonBox, QFileDialog, QLabel, QMenu, QMessageBox, QWidget
 
-from skelgen.app.files import file_filter, open_input
-from skelgen.app.project_file.archive import SUFFIX, is_project_file, save_project
+from skelgen.app.files import NamedFile, file_filter, name_of_format, open_input, readable_formats
+from skelgen.app.first_look import AdaptParameters, adapted
+from skelgen.app.project_file.archive import SUFFIX, find_result, is_project_file, open_project, save_project
 from skelgen.app.samples import SAMPLES, open_sample
 from skelgen.errors import RecordingMovedError, SkelgenError
 from skelgen.model import Project
+from skelgen.parameters import ParameterValue
 from skelgen.progress import Monitor
 from skelgen_gui.model.view_state import ViewState
 from skelgen_gui.project.jobs import Jobs
-from skelgen_gui.project.opening import OpenDialog, Opening
 from skelgen_gui.project.recovery import RecoveryEntry
 from skelgen_gui.project.session import Document
+from skelgen_gui.widgets.forms import ParameterForm, stage_form
+from skelgen_gui.widgets.layouts import answer_buttons, column
 from skelgen_gui.widgets.painting import as_rich_text
 from skelgen_gui.widgets.preferences import Preferences
 
-Button = QMessageBox.StandardButton
+_WIDTH = 440  # px
 
-_WITH_DIGIT = 9  # entries that a digit key chooses
+
+@dataclass(frozen=True)
+class Opening:
+    """A file to open, and how to read it.
+
+    Attributes
+    ----------
+    path : Path
+        A recording or a project.
+    options : mapping of str to value
+        Of the format's reader.
+    changes : AdaptParameters
+        What of the take is changed after it was read.
+    recording : Path or None
+        Where the recording of a project is now, if it was moved.
+    """
+
+    path: Path
+    options: Mapping[str, ParameterValue] = field(default_factory=dict)
+    changes: AdaptParameters = field(default_factory=AdaptParameters)
+    recording: Path | None = None
+
+    def read(self, monitor: Monitor) -> Project:
+        """Read it; runs on any thread."""
+        if self.recording is not None:
+            return open_project(find_result(self.path), self.recording)
+        return adapted(open_input(NamedFile(self.path, options=self.options), monitor=monitor), self.changes)
+
+
+class OpenDialog(QDialog):
+    """Asks how a recording is to be read: options of its format, its part, rate, unit and axis.
+
+    Signals
+    -------
+    chosen(Opening)
+        The user wants it so.
+
+    Parameters
+    ----------
+    path : Path
+        A recording.
+    parent : QWidget, optional
+        Qt's parent.
+    """
+
+    chosen = Signal(object)
+
+    def __init__(self, path: Path, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._path = path
+        self.setWindowTitle(self.tr("Open {0}").format(path.name))
+        self.setMinimumWidth(_WIDTH)
+        known = {entry.name: entry for entry in readable_formats()}
+        entry = None if is_project_file(path) else known[name_of_format(path)]
+        declared = [option.declaration for option in entry.options if option.reading] if entry is not None else []
+        self.changes = stage_form(AdaptParameters, self)
+        self.reader = ParameterForm(declared, self)
+        self.reader.setVisible(bool(declared))
+        self.buttons = answer_buttons(self, QDialogButtonBox.StandardButton.Open)
+        heading = QLabel("" if entry is None else self.tr("Read as {0}").format(entry.title), self)
+        column(self, (heading, self.reader, self.changes, self.buttons))
+        for form in (self.changes, self.reader):
+            form.changed.connect(self._follow)
+
+    def accept(self) -> None:
+        """Open it so."""
+        entered, defaults = self.reader.values(), self.reader.defaults
+        options = {name: value for name, value in entered.items() if value != defaults[name]}
+        self.chosen.emit(Opening(self._path, options, AdaptParameters.from_mapping(self.changes.values())))
+        super().accept()
+
+    def _follow(self) -> None:
+        is_wrong = bool(self.changes.problem() or self.reader.problem())
+        self.buttons.button(QDialogButtonBox.StandardButton.Open).setEnabled(not is_wrong)
+
+
+Button = QMessageBox.StandardButton
 
 
 class FileActions(QObject):
@@ -122,7 +200,7 @@ class FileActions(QObject):
 
     def compare(self, path: Path) -> None:
         """Overlay the result of another project."""
-        self._read(path, partial(_opened, path), self._document.session.compare_with)
+        self._read(path, lambda monitor: open_input(path, monitor=monitor), self._document.session.compare_with)
 
     def restore(self, entry: RecoveryEntry) -> None:
         """Open the unsaved work of a window that crashed; it stays unsaved until the user saves it."""
@@ -244,10 +322,6 @@ class FileActions(QObject):
         self._jobs.start(self.tr("Saving {0}").format(path.name), work, done, self._report_error)
 
 
-def _opened(path: Path, monitor: Monitor) -> Project:
-    return open_input(path, monitor=monitor)
-
-
 class SampleMenu(QMenu):
     """Takes that the simulation makes, to begin with.
 
@@ -267,60 +341,3 @@ class SampleMenu(QMenu):
             action = self.addAction(self.tr(sample.title), partial(files.open_sample, sample.key))
             action.setToolTip(self.tr(sample.about))
             action.setStatusTip(action.toolTip())
-
-
-class RecentMenu(QMenu):
-    """Recent files, the last one first.
-
-    Signals
-    -------
-    chosen(Path)
-        The user wants this file.
-
-    Parameters
-    ----------
-    preferences : Preferences
-        Knows the files.
-    parent : QWidget, optional
-        Qt's parent.
-    """
-
-    chosen = Signal(object)
-
-    def __init__(self, preferences: Preferences, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
-        self._preferences = preferences
-        self.setTitle(self.tr("Open &recent"))
-        self.setToolTipsVisible(True)
-        self.aboutToShow.connect(self.fill)
-        self.triggered.connect(self._choose)
-        preferences.recent_changed.connect(self.fill)
-        self.fill()
-
-    def fill(self) -> None:
-        """List the files as they are now."""
-        self.clear()
-        recent = self._preferences.recent
-        for number, path in enumerate(recent, start=1):
-            self.addAction(self._entry(number, path))
-        self.addSeparator()
-        clear = self.addAction(self.tr("&Clear this list"))
-        clear.setToolTip(self.tr("Forget these names; the files stay"))
-        clear.setEnabled(bool(recent))
-        self.menuAction().setEnabled(bool(recent))
-
-    def _entry(self, number: int, path: Path) -> QAction:
-        name = path.name.replace("&", "&&")  # a single one would mark a key
-        entry = QAction(f"&{number} {name}" if number <= _WITH_DIGIT else name, self)
-        is_there = path.exists()
-        entry.setEnabled(is_there)
-        entry.setToolTip(as_rich_text(str(path) if is_there else self.tr("{0}: no longer there").format(path)))
-        entry.setData(path)
-        return entry
-
-    def _choose(self, entry: QAction) -> None:
-        path = entry.data()
-        if isinstance(path, Path):
-            self.chosen.emit(path)
-        else:
-            self._preferences.forget_recent()

@@ -17,7 +17,7 @@ from PySide6.QtWidgets import QProgressBar, QPushButton, QStatusBar, QWidget
 
 from skelgen.errors import Cancelled, SkelgenError
 from skelgen.progress import Monitor
-from skelgen_gui.widgets.layouts import describe
+from skelgen_gui.widgets.layouts import put_texts
 
 T = TypeVar("T")
 
@@ -211,8 +211,7 @@ class StatusLine(QStatusBar):
         self.progress, self.cancel = QProgressBar(self), QPushButton(self.tr("Cancel"), self)
         self.progress.setMaximumWidth(240)
         self.progress.setRange(0, _PERCENT)
-        describe(self.progress, self.tr("Progress"), self.tr("How much of what is running is done"))
-        describe(self.cancel, self.tr("Cancel what is running"))
+        put_texts(self)
         for widget in (self.progress, self.cancel):
             self.addPermanentWidget(widget)
             widget.hide()

@@ -3,7 +3,7 @@
 from functools import partial
 
 import numpy as np
-from PySide6.QtCore import QEvent, QPointF, QRectF, QSize, Qt
+from PySide6.QtCore import QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import (
     QContextMenuEvent,
     QFontMetricsF,
@@ -12,7 +12,6 @@ from PySide6.QtGui import (
     QPainter,
     QPaintEvent,
     QPalette,
-    QPen,
     QPixmap,
     QResizeEvent,
     QWheelEvent,
@@ -26,16 +25,15 @@ from skelgen_gui.model.lanes import lane_picture, lane_sentence
 from skelgen_gui.model.selection import NO_MARKERS, Selection
 from skelgen_gui.project.deriving import Deriver
 from skelgen_gui.project.session import Session
-from skelgen_gui.timeline.span import GUTTER, MARGIN, VisibleSpan, plot_width, zoom_or_pan, zoomed_by_key
+from skelgen_gui.timeline.span import GUTTER, MARGIN, SpanView, VisibleSpan
+from skelgen_gui.widgets.layouts import put_texts
 from skelgen_gui.widgets.painting import (
     blended,
     colour_of_limb,
-    cursor_colour,
     doubt_colour,
     paint_words,
     pixmap_of,
     rgb_of,
-    show_tip,
 )
 
 _LANE = 16  # px, height of a lane
@@ -50,10 +48,15 @@ _GAP = 18.0
 _LEAST = 6.0  # px from the left border
 
 
-class LaneView(QWidget):
+class LaneView(SpanView):
     """A lane for each marker.
 
     Click or drag goes to a frame, a click on a name selects the marker, the wheel zooms.
+
+    Attributes
+    ----------
+    lanes : Lanes or None
+        The lanes that are shown; None while they are derived.
 
     Parameters
     ----------
@@ -64,31 +67,22 @@ class LaneView(QWidget):
     """
 
     def __init__(self, session: Session, span: VisibleSpan, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
-        self._session, self._span = session, span
-        self._lanes: Lanes | None = None
+        super().__init__(session, span, parent)
+        self.lanes: Lanes | None = None
         self._lanes_of: Project | None = None
         self._picture: tuple[tuple[object, ...], QPixmap] | None = None
         self._is_dragging = False
         self.deriver = Deriver(self)
         self._bar = QScrollBar(Qt.Orientation.Vertical, self)
-        self._bar.setAccessibleName(self.tr("Scroll lanes"))
         self._bar.setSingleStep(_LANE)
         self._bar.valueChanged.connect(self.update)
-        self.setAccessibleName(self.tr("Lanes of markers"))
-        self.setAccessibleDescription(self.tr("One lane for each marker: seen, filled, doubtful or left out"))
+        put_texts(self)
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
         self.setMouseTracking(True)
-        for signal in (session.frame_changed, session.selection_changed, span.changed):
-            signal.connect(self.update)
+        session.selection_changed.connect(self.update)
         session.project_changed.connect(self._follow_project)
         session.selection_changed.connect(self._show_selected)
         self._follow_project()
-
-    @property
-    def lanes(self) -> Lanes | None:
-        """The lanes that are shown; None while they are derived."""
-        return self._lanes
 
     def sizeHint(self) -> QSize:
         """Return room for some lanes."""
@@ -106,19 +100,15 @@ class LaneView(QWidget):
         lane, frame : int
             Which lane, and which frame of it.
         """
-        return QPointF(self._x(frame), _LANE * (lane + 0.5) - self._bar.value())
-
-    def event(self, event: QEvent) -> bool:
-        """Describe what lies under the pointer."""
-        return show_tip(self, event, self.tip_at) or super().event(event)
+        return QPointF(self._x_of(frame + 0.5), _LANE * (lane + 0.5) - self._bar.value())
 
     def tip_at(self, place: QPointF) -> str:
         """Describe a place: the marker, and how it is known in the frame there."""
         lane, project = self._lane_at(place.y()), self._lanes_of
-        if lane is None or self._lanes is None or project is None:
+        if lane is None or self.lanes is None or project is None:
             return self.tr("Wheel: zoom · Shift and wheel: pan · click: go there · click on a name: select")
         frame = self._frame_at(place.x()) if place.x() >= GUTTER else None
-        return lane_sentence(project, self._lanes, lane, frame)
+        return lane_sentence(project, self.lanes, lane, frame)
 
     def mousePressEvent(self, event: QMouseEvent) -> None:
         """Go to a frame, or select a marker by its name."""
@@ -139,7 +129,7 @@ class LaneView(QWidget):
         """Ask for a menu for what is selected; the marker under the pointer is selected first."""
         lane = self._lane_at(event.pos().y())
         is_mouse = event.reason() is QContextMenuEvent.Reason.Mouse
-        here = None if self._lanes is None or lane is None else int(self._lanes.markers[lane])
+        here = None if self.lanes is None or lane is None else int(self.lanes.markers[lane])
         if is_mouse and here is not None and here not in self._session.selection.markers:
             self._select(lane, Qt.KeyboardModifier.NoModifier)
         self._session.menu_requested.emit(event.globalPos())
@@ -149,13 +139,13 @@ class LaneView(QWidget):
         if event.position().x() < GUTTER:
             self._bar.event(event)
         else:
-            zoom_or_pan(event, self._span, plot_width(self.width()))
+            super().wheelEvent(event)
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
         """Select the marker above or below; zoom."""
         if event.key() in {Qt.Key.Key_Up, Qt.Key.Key_Down} and self._n_lanes:
             self._select_beside(-1 if event.key() == Qt.Key.Key_Up else 1)
-        elif not zoomed_by_key(event, self._span, self._session.frame):
+        else:
             super().keyPressEvent(event)
 
     def resizeEvent(self, event: QResizeEvent) -> None:
@@ -166,18 +156,16 @@ class LaneView(QWidget):
     def paintEvent(self, event: QPaintEvent) -> None:
         """Paint selected lanes, bars, names, and the cursor."""
         with QPainter(self) as painter:
-            if self._lanes is not None and self._lanes_of is not None and self._lanes.n_lanes:
-                shown = self._shown_lanes(self._lanes)
-                self._paint_backs(painter, self._lanes, shown)
+            if self.lanes is not None and self._lanes_of is not None and self.lanes.n_lanes:
+                shown = self._shown_lanes(self.lanes)
+                self._paint_backs(painter, self.lanes, shown)
                 top = _LANE * int(shown[0]) - self._bar.value()
-                painter.drawPixmap(GUTTER, top, self._bars(self._lanes, shown))
-                self._paint_names(painter, self._lanes, shown, self._lanes_of)
+                painter.drawPixmap(GUTTER, top, self._bars(self.lanes, shown))
+                self._paint_names(painter, self.lanes, shown, self._lanes_of)
             else:
                 self._paint_nothing(painter)
-            if self._session.n_frames and GUTTER <= self._x(self._session.frame) <= self.width() - MARGIN:
-                painter.setPen(QPen(cursor_colour(self.palette()), 1.0))
-                x = round(self._x(self._session.frame))
-                painter.drawLine(x, 0, x, self.height())
+            if self._session.n_frames:
+                self.paint_cursor(painter, self.height())
 
     def _follow_project(self) -> None:
         """Derive lanes; until they are there, those of an earlier result of the same take stay."""
@@ -189,14 +177,14 @@ class LaneView(QWidget):
             self.deriver.derive(partial(find_lanes, project), partial(self._take_lanes, project))
 
     def _take_lanes(self, project: Project | None, lanes: Lanes | None) -> None:
-        self._lanes_of, self._lanes, self._picture = project, lanes, None
+        self._lanes_of, self.lanes, self._picture = project, lanes, None
         self._fit_bar()
         self.updateGeometry()
         self.update()
 
     def _show_selected(self) -> None:
         """Scroll to a marker that was selected elsewhere."""
-        lanes = [] if self._lanes is None else np.flatnonzero(np.isin(self._lanes.markers, self._selected())).tolist()
+        lanes = [] if self.lanes is None else np.flatnonzero(np.isin(self.lanes.markers, self._selected())).tolist()
         if lanes:
             top, bottom = _LANE * lanes[0], _LANE * (lanes[0] + 1)
             self._bar.setValue(min(max(self._bar.value(), bottom - self.height()), top))
@@ -211,7 +199,7 @@ class LaneView(QWidget):
 
     def _select(self, lane: int | None, modifiers: Qt.KeyboardModifier) -> None:
         """Select a lane's marker; with Control another one as well, or one less."""
-        marker = frozenset({int(self._lanes.markers[lane])}) if self._lanes is not None and lane is not None else None
+        marker = frozenset({int(self.lanes.markers[lane])}) if self.lanes is not None and lane is not None else None
         if modifiers & Qt.KeyboardModifier.ControlModifier and marker is not None:
             self._session.select(Selection(self._session.selection.markers ^ marker))
         else:
@@ -219,21 +207,15 @@ class LaneView(QWidget):
 
     def _select_beside(self, step: int) -> None:
         """Select the marker of the lane above or below the selected one."""
-        if self._lanes is None or not self._lanes.n_lanes:
+        if self.lanes is None or not self.lanes.n_lanes:
             return
-        lanes = np.flatnonzero(np.isin(self._lanes.markers, self._selected()))
+        lanes = np.flatnonzero(np.isin(self.lanes.markers, self._selected()))
         lane = (int(lanes[0 if step < 0 else -1]) + step) if len(lanes) else 0
         self._select(min(max(lane, 0), self._n_lanes - 1), Qt.KeyboardModifier.NoModifier)
 
     @property
     def _n_lanes(self) -> int:
-        return 0 if self._lanes is None else self._lanes.n_lanes
-
-    def _x(self, frame: int) -> float:
-        return self._span.place(frame + 0.5, GUTTER, plot_width(self.width()))
-
-    def _frame_at(self, x: float) -> int:
-        return self._span.frame_at(x, GUTTER, plot_width(self.width()))
+        return 0 if self.lanes is None else self.lanes.n_lanes
 
     def _lane_at(self, y: float) -> int | None:
         lane = int((y + self._bar.value()) // _LANE)
@@ -252,7 +234,7 @@ class LaneView(QWidget):
 
     def _bars(self, lanes: Lanes, shown: Ints) -> QPixmap:
         """The bars of some lanes: kept, since while the take plays only the cursor moves."""
-        ratio, width = self.devicePixelRatioF(), plot_width(self.width())
+        ratio, width = self.devicePixelRatioF(), self._plot_width
         key = (self._span.first, self._span.end, width, ratio, int(shown[0]), len(shown), self.palette().cacheKey())
         if self._picture is None or self._picture[0] != key:
             columns = max(round(width * ratio), 1)
@@ -309,7 +291,7 @@ class Legend(QWidget):
             State.DOUBTFUL: self.tr("doubtful"),
             State.LEFT_OUT: self.tr("on no limb"),
         }
-        self.setAccessibleName(self.tr("Meaning of the bars"))
+        put_texts(self)
         self.setAccessibleDescription(", ".join(self._words.values()))
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
 

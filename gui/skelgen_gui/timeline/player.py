@@ -1,18 +1,30 @@
-"""Plays a take against the clock, and carries out the commands of the menu Play.
+"""Plays a take against the clock, carries out the commands of the menu Play, and shows a video beside the take.
 
 Frames are left out where they cannot be shown in time; a take is never slowed down.
 """
 
+from __future__ import annotations
+
 import math
 import time
 from collections.abc import Callable, Mapping
+from pathlib import Path
 
-from PySide6.QtCore import QObject, Qt, QTimer, Signal
-from PySide6.QtGui import QAction
+from PySide6.QtCore import QObject, QPointF, QRectF, QSize, Qt, QTimer, Signal
+from PySide6.QtGui import QAction, QImage, QPainter, QPaintEvent
+from PySide6.QtWidgets import QDoubleSpinBox, QFileDialog, QLabel, QPushButton, QWidget
 
+from skelgen.capture.sources.video import ReferenceVideo
+from skelgen.capture.values import Image
+from skelgen.errors import SkelgenError
 from skelgen_gui.model.lanes import next_doubt
 from skelgen_gui.model.selection import Selection
+from skelgen_gui.model.view_state import KeptVideo
+from skelgen_gui.project.deriving import Deriver
 from skelgen_gui.project.session import Session
+from skelgen_gui.widgets.fields import set_up_number
+from skelgen_gui.widgets.layouts import column, put_texts, row_of
+from skelgen_gui.widgets.painting import paint_words
 
 SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0)
 """Speeds to choose from, in parts of the take's own."""
@@ -23,6 +35,13 @@ _ROUNDING = 1e-6  # of a frame: a clock that says 0.29999999 s at 100 Hz means f
 
 class Player(QObject):
     """Plays the session's take.
+
+    Attributes
+    ----------
+    speed : float
+        Speed as a multiple of that of the take.
+    loop : bool
+        Whether the range is played again and again.
 
     Parameters
     ----------
@@ -47,7 +66,7 @@ class Player(QObject):
     ) -> None:
         super().__init__(parent)
         self._session, self._clock = session, clock
-        self._speed, self._loop = 1.0, False
+        self.speed, self.loop = 1.0, False
         self._first, self._last = 0, 0
         self._started, self._origin, self._shown = 0.0, 0, 0
         self._timer = QTimer(self)
@@ -62,16 +81,6 @@ class Player(QObject):
     def is_playing(self) -> bool:
         """Whether the take is playing."""
         return self._timer.isActive()
-
-    @property
-    def speed(self) -> float:
-        """Speed as a multiple of that of the take."""
-        return self._speed
-
-    @property
-    def loop(self) -> bool:
-        """Whether the range is played again and again."""
-        return self._loop
 
     @property
     def range(self) -> tuple[int, int]:
@@ -105,13 +114,13 @@ class Player(QObject):
 
     def set_speed(self, speed: float) -> None:
         """Play faster or slower from here on, within the bounds of `SPEEDS`."""
-        self._speed = min(max(float(speed), SPEEDS[0]), SPEEDS[-1])
+        self.speed = min(max(float(speed), SPEEDS[0]), SPEEDS[-1])
         self._anchor()
         self.settings_changed.emit()
 
     def set_loop(self, loop: bool) -> None:
         """Play the range again and again, or once."""
-        self._loop = bool(loop)
+        self.loop = bool(loop)
         self._anchor()
         self.settings_changed.emit()
 
@@ -145,13 +154,13 @@ class Player(QObject):
         self._shown = self._origin
 
     def _tick(self) -> None:
-        passed = (self._clock() - self._started) * self._session.rate * self._speed
+        passed = (self._clock() - self._started) * self._session.rate * self.speed
         frame = self._origin + math.floor(passed + _ROUNDING)
-        if self._loop and frame > self._last:
+        if self.loop and frame > self._last:
             frame = self._first + (frame - self._first) % (self._last - self._first + 1)
         self._shown = min(frame, self._last)
         self._session.show_frame(self._shown)
-        if frame >= self._last and not self._loop:
+        if frame >= self._last and not self.loop:
             self.pause()
 
 
@@ -200,3 +209,148 @@ class PlayCommands(QObject):
         if doubt is not None:
             self._session.show_frame(doubt.first_frame)
             self._session.select(Selection(frozenset({doubt.marker})))
+
+
+_MOST_SECONDS = 36_000.0  # of the offset
+_MOST_RATE = 10_000.0  # Hz
+_SIZE = QSize(240, 160)  # px, the least that is useful
+
+
+class VideoPicture(QWidget):
+    """Shows one picture as large as there is room, or a sentence."""
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.image: QImage | None = None
+        self.sentence = ""
+        put_texts(self)
+        self.setMinimumSize(_SIZE)
+
+    def show_picture(self, picture: Image | None, sentence: str) -> None:
+        """Show another picture, or a sentence if there is none.
+
+        Parameters
+        ----------
+        picture : ndarray of uint8, shape (height, width, 3), or None
+            Red, green and blue.
+        sentence : str
+            Why there is none.
+        """
+        self.sentence = "" if picture is not None else sentence
+        if picture is None:
+            self.image = None
+        else:
+            height, width = picture.shape[:2]
+            image = QImage(picture.tobytes(), width, height, 3 * width, QImage.Format.Format_RGB888)
+            self.image = image.copy()  # else it would point into bytes that are gone
+        self.update()
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        """Paint it in the middle."""
+        painter, room = QPainter(self), QRectF(self.rect())
+        if self.image is None:
+            paint_words(painter, room, self.sentence, self.palette())
+            return
+        box = QRectF(QPointF(), self.image.size().scaled(self.size(), Qt.AspectRatioMode.KeepAspectRatio).toSizeF())
+        box.moveCenter(room.center())
+        painter.setRenderHint(QPainter.RenderHint.SmoothPixmapTransform)
+        painter.drawImage(box, self.image)
+
+
+class VideoPane(QWidget):
+    """A reference video; pictures are decoded beside the window, the newest that is wanted first.
+
+    Parameters
+    ----------
+    session : Session
+        Whose frame is followed.
+    report_error : callable (error)
+        Shows what went wrong.
+    """
+
+    def __init__(self, session: Session, report_error: Callable[[Exception], None]) -> None:
+        super().__init__()
+        self._session, self._report_error = session, report_error
+        self._video: ReferenceVideo | None = None
+        self._lost: KeptVideo | None = None
+        self._shown: int | None = None
+        self._deriver = Deriver(self)
+        self.picture = VideoPicture(self)
+        self.choose, self.remove = QPushButton(self.tr("Choose…"), self), QPushButton(self.tr("Remove"), self)
+        self.offset, self.rate = QDoubleSpinBox(self), QDoubleSpinBox(self)
+        put_texts(self)
+        set_up_number(self.offset, (-_MOST_SECONDS, _MOST_SECONDS), 3, " s")
+        set_up_number(self.rate, (0.001, _MOST_RATE), 3, " Hz")
+        choices = row_of(self.choose, self.remove, room=True)
+        numbers = row_of(
+            QLabel(self.tr("Offset"), self), self.offset, QLabel(self.tr("Rate"), self), self.rate, room=True
+        )
+        column(self, (self.picture, choices, numbers)).setStretchFactor(self.picture, 1)
+        self.choose.clicked.connect(self._choose)
+        self.remove.clicked.connect(lambda: self.show_video(None))
+        for number in (self.offset, self.rate):
+            number.valueChanged.connect(self._follow)
+        session.frame_changed.connect(self._follow)
+        session.project_changed.connect(self._follow)
+        self.show_video(None)
+
+    @property
+    def kept(self) -> KeptVideo | None:
+        """The video as a project keeps it."""
+        if self._video is None:
+            return self._lost
+        return KeptVideo(str(self._video.path), self.offset.value(), self.rate.value())
+
+    def begin_with(self, kept: KeptVideo | None) -> None:
+        """Show the video that a project keeps, if it is still there."""
+        if kept is None or not kept.path:
+            self.show_video(None)
+            return
+        try:
+            self.show_video(ReferenceVideo(Path(kept.path)))
+        except SkelgenError as error:
+            self.show_video(None)
+            self._lost = kept  # it may be there again next time
+            self.picture.show_picture(None, str(error))
+            return
+        self.offset.setValue(kept.offset)
+        if kept.rate > 0:
+            self.rate.setValue(kept.rate)
+
+    def show_video(self, video: ReferenceVideo | None) -> None:
+        """Show another video, from the beginning of the recording on; None shows none."""
+        self._deriver.forget()
+        self._deriver.wait()
+        if self._video is not None:
+            self._video.close()
+        self._video, self._shown, self._lost = video, None, None
+        for widget in (self.offset, self.rate, self.remove):
+            widget.setEnabled(video is not None)
+        self.offset.setValue(0.0)
+        self.rate.setValue(25.0 if video is None else video.rate)
+        self.picture.show_picture(None, self.tr("Choose a video that was filmed beside the recording"))
+        self._follow()
+
+    def _choose(self) -> None:
+        kinds = self.tr("Videos (*.mp4 *.mov *.avi *.mkv *.m4v *.webm);;All files (*)")
+        name, _ = QFileDialog.getOpenFileName(self, self.tr("Video"), "", kinds)
+        if name:
+            try:
+                self.show_video(ReferenceVideo(Path(name)))
+            except SkelgenError as error:
+                self._report_error(error)
+
+    def _follow(self) -> None:
+        """Ask for the picture of the frame that is shown, unless one is being decoded: then that comes first."""
+        video, project = self._video, self._session.project
+        self.offset.setSingleStep(1.0 / self.rate.value())
+        if video is None or project is None or self._deriver.is_busy:
+            return
+        index = round((self._session.frame / self._session.rate + self.offset.value()) * self.rate.value())
+        if index != self._shown:
+            self._deriver.derive(lambda: video.picture(index), lambda picture: self._show(index, picture))
+
+    def _show(self, index: int, picture: Image | None) -> None:
+        self._shown = index
+        self.picture.show_picture(picture, self.tr("The video has no picture at this time"))
+        self._follow()

@@ -8,19 +8,17 @@ from __future__ import annotations
 from functools import partial
 
 import numpy as np
-from PySide6.QtCore import QEvent, QPointF, QRectF, QSize, Qt
+from PySide6.QtCore import QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import (
     QColor,
     QFont,
     QFontMetricsF,
-    QKeyEvent,
     QMouseEvent,
     QPainter,
     QPaintEvent,
     QPalette,
     QPen,
     QPixmap,
-    QWheelEvent,
 )
 from PySide6.QtWidgets import QWidget
 
@@ -31,23 +29,29 @@ from skelgen.model.arrays import Floats
 from skelgen_gui.model.curves import Curve, Panel, joint_panels, residual_curve, residual_panel
 from skelgen_gui.project.deriving import Deriver
 from skelgen_gui.project.session import Session
-from skelgen_gui.timeline.span import GUTTER, MARGIN, VisibleSpan, plot_width, zoom_or_pan, zoomed_by_key
+from skelgen_gui.timeline.span import GUTTER, MARGIN, SpanView, VisibleSpan
+from skelgen_gui.widgets.layouts import put_texts
 from skelgen_gui.widgets.painting import (
     blended,
     colour_of_limb,
     component_colour,
-    cursor_colour,
     draw_lines,
     is_dark,
     paint_words,
-    show_tip,
 )
 
 _GAP = 6.0  # px between panels
 
 
-class PlotView(QWidget):
+class PlotView(SpanView):
     """Shows panels; click or drag goes to a frame, the wheel zooms.
+
+    Attributes
+    ----------
+    panels : tuple of Panel
+        What is shown.
+    hint : str
+        Words below the panels, or instead of them.
 
     Parameters
     ----------
@@ -58,25 +62,12 @@ class PlotView(QWidget):
     """
 
     def __init__(self, session: Session, span: VisibleSpan, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
-        self._session, self._span = session, span
-        self._panels: tuple[Panel, ...] = ()
-        self._hint = ""
+        super().__init__(session, span, parent)
+        self.panels: tuple[Panel, ...] = ()
+        self.hint = ""
         self._picture: tuple[tuple[object, ...], QPixmap] | None = None
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
         session.take_changed.connect(self._follow_take)
-        for signal in (session.frame_changed, span.changed):
-            signal.connect(self.update)
-
-    @property
-    def panels(self) -> tuple[Panel, ...]:
-        """What is shown."""
-        return self._panels
-
-    @property
-    def hint(self) -> str:
-        """Words below the panels, or instead of them."""
-        return self._hint
 
     def show_panels(self, panels: tuple[Panel, ...], hint: str = "") -> None:
         """Show some panels, and below them, or instead of them, a hint.
@@ -88,7 +79,7 @@ class PlotView(QWidget):
         hint : str
             Words below them, or instead of them.
         """
-        self._panels, self._hint, self._picture = panels, hint, None
+        self.panels, self.hint, self._picture = panels, hint, None
         self.update()
 
     def minimumSizeHint(self) -> QSize:
@@ -97,22 +88,18 @@ class PlotView(QWidget):
 
     def panel_rect(self, index: int) -> QRectF:
         """Return where a panel's curves lie."""
-        count = len(self._panels) + (1 if self._hint and self._panels else 0)
+        count = len(self.panels) + (1 if self.hint and self.panels else 0)
         height = (self.height() + _GAP) / max(count, 1) - _GAP
-        return QRectF(GUTTER, index * (height + _GAP), plot_width(self.width()), height)
-
-    def event(self, event: QEvent) -> bool:
-        """Describe what lies under the pointer."""
-        return show_tip(self, event, self.tip_at) or super().event(event)
+        return QRectF(GUTTER, index * (height + _GAP), self._plot_width, height)
 
     def tip_at(self, place: QPointF) -> str:
         """Return the values of the frame at a place, and what the panel's note says."""
-        rooms = (self.panel_rect(index) for index in range(len(self._panels)))
-        y, panels = place.y(), zip(self._panels, rooms, strict=True)
+        rooms = (self.panel_rect(index) for index in range(len(self.panels)))
+        y, panels = place.y(), zip(self.panels, rooms, strict=True)
         panel = next((panel for panel, room in panels if room.top() <= y <= room.bottom()), None)
         if panel is None or place.x() < GUTTER:
             return self.toolTip() if panel is None else "\n".join(filter(None, (panel.title, panel.note, panel.about)))
-        frame = self._span.frame_at(place.x(), GUTTER, plot_width(self.width()))
+        frame = self._frame_at(place.x())
         values = [f"{curve.name}: {digits(float(curve.line.low[frame]))} {panel.unit}" for curve in panel.curves]
         return "\n".join([f"{panel.title}, " + self.tr("frame {}").format(frame), *values])
 
@@ -126,36 +113,25 @@ class PlotView(QWidget):
         if event.buttons() & Qt.MouseButton.LeftButton:
             self._go_to(event.position().x())
 
-    def wheelEvent(self, event: QWheelEvent) -> None:
-        """Zoom or pan."""
-        zoom_or_pan(event, self._span, plot_width(self.width()))
-
-    def keyPressEvent(self, event: QKeyEvent) -> None:
-        """Zoom."""
-        if not zoomed_by_key(event, self._span, self._session.frame):
-            super().keyPressEvent(event)
-
     def paintEvent(self, event: QPaintEvent) -> None:
         """Paint the curves that are kept, legends and cursor."""
         with QPainter(self) as painter:
             painter.drawPixmap(0, 0, self._curves())
             frame = self._session.frame
-            for index, panel in enumerate(self._panels):
+            for index, panel in enumerate(self.panels):
                 paint_legend(painter, panel, frame, self.panel_rect(index), self.palette())
-            x = round(self._span.place(frame + 0.5, GUTTER, plot_width(self.width())))
-            if self._panels and GUTTER <= x <= self.width() - MARGIN:
-                painter.setPen(QPen(cursor_colour(self.palette()), 1.0))
-                painter.drawLine(x, 0, x, round(self.panel_rect(len(self._panels) - 1).bottom()))
-            if self._hint:
-                room = self.panel_rect(len(self._panels)) if self._panels else QRectF(self.rect())
-                paint_words(painter, room, self._hint, self.palette())
+            if self.panels:
+                self.paint_cursor(painter, round(self.panel_rect(len(self.panels) - 1).bottom()))
+            if self.hint:
+                room = self.panel_rect(len(self.panels)) if self.panels else QRectF(self.rect())
+                paint_words(painter, room, self.hint, self.palette())
 
     def _follow_take(self) -> None:
         """Drop the curves of another take, which has other frames, until those of this one are there."""
         self.show_panels(())
 
     def _go_to(self, x: float) -> None:
-        self._session.show_frame(self._span.frame_at(x, GUTTER, plot_width(self.width())))
+        self._session.show_frame(self._frame_at(x))
 
     def _curves(self) -> QPixmap:
         """The panels without legend and cursor: kept, since while the take plays only these change."""
@@ -167,7 +143,7 @@ class PlotView(QWidget):
             picture.fill(Qt.GlobalColor.transparent)
             with QPainter(picture) as painter:
                 painter.setFont(self.font())
-                for index, panel in enumerate(self._panels):
+                for index, panel in enumerate(self.panels):
                     paint_plot(painter, panel, self._span, self.panel_rect(index), self.palette())
             self._picture = key, picture
         return self._picture[1]
@@ -190,8 +166,7 @@ class Curves(PlotView):
         super().__init__(session, span or VisibleSpan(session, parent), parent)
         self._mean: tuple[Project, Curve] | None = None
         self.deriver = Deriver(self)
-        self.setAccessibleName(self.tr("Curves"))
-        self.setToolTip(self.tr("Residuals, and angles of the selected joint. Wheel: zoom, click: go there"))
+        put_texts(self)
         session.project_changed.connect(self._follow)
         session.selection_changed.connect(self._follow)
         self._follow()

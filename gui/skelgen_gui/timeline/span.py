@@ -2,11 +2,12 @@
 
 import math
 
-from PySide6.QtCore import QObject, Qt, Signal
-from PySide6.QtGui import QKeyEvent, QWheelEvent
+from PySide6.QtCore import QEvent, QObject, QPointF, Qt, Signal
+from PySide6.QtGui import QKeyEvent, QPainter, QPen, QWheelEvent
+from PySide6.QtWidgets import QWidget
 
 from skelgen_gui.project.session import Session
-from skelgen_gui.widgets.painting import ZOOM, notches
+from skelgen_gui.widgets.painting import ZOOM, cursor_colour, notches, show_tip
 
 _FEWEST_FRAMES = 8.0  # frames that are shown at the largest zoom
 
@@ -26,6 +27,13 @@ _PAN = 0.1  # of what is in sight, per notch
 class VisibleSpan(QObject):
     """The frames that are in sight; frame f lies from f to f + 1.
 
+    Attributes
+    ----------
+    first : float
+        Where the stretch begins [frames].
+    end : float
+        Where it ends [frames].
+
     Parameters
     ----------
     session : Session
@@ -42,20 +50,10 @@ class VisibleSpan(QObject):
     def __init__(self, session: Session, parent: QObject | None = None) -> None:
         super().__init__(parent)
         self._session = session
-        self._first, self._end = 0.0, 1.0
+        self.first, self.end = 0.0, 1.0
         session.take_changed.connect(self._follow_take)
         session.frame_changed.connect(self._reveal)
         self.show_all()
-
-    @property
-    def first(self) -> float:
-        """Where the stretch begins [frames]."""
-        return self._first
-
-    @property
-    def end(self) -> float:
-        """Where it ends [frames]."""
-        return self._end
 
     def show_all(self) -> None:
         """Show the whole take."""
@@ -72,8 +70,8 @@ class VisibleSpan(QObject):
         whole = float(self._n_frames)
         length = min(max(end - first, _FEWEST_FRAMES), whole)
         first = min(max(first, 0.0), whole - length)
-        if (first, first + length) != (self._first, self._end):
-            self._first, self._end = first, first + length
+        if (first, first + length) != (self.first, self.end):
+            self.first, self.end = first, first + length
             self.changed.emit()
 
     def zoom(self, factor: float, about: float) -> None:
@@ -86,36 +84,11 @@ class VisibleSpan(QObject):
         about : float
             The frame that stays in its place.
         """
-        self.show(about - (about - self._first) / factor, about + (self._end - about) / factor)
+        self.show(about - (about - self.first) / factor, about + (self.end - about) / factor)
 
     def pan(self, frames: float) -> None:
         """Show what lies some frames later, or earlier if negative."""
-        self.show(self._first + frames, self._end + frames)
-
-    def place(self, frame: float, left: float, width: float) -> float:
-        """Return where a frame begins in a picture [px]; half a frame more is its middle.
-
-        Parameters
-        ----------
-        frame : float
-            The frame.
-        left, width : float, px
-            Where the picture begins, and how wide it is.
-        """
-        return left + (frame - self._first) * width / (self._end - self._first)
-
-    def frame_at(self, x: float, left: float, width: float) -> int:
-        """Return the frame at a place of a picture [px]; beyond its ends the first or last of the take.
-
-        Parameters
-        ----------
-        x : float, px
-            The place.
-        left, width : float, px
-            Where the picture begins, and how wide it is.
-        """
-        frame = math.floor(self._first + (x - left) * (self._end - self._first) / max(width, 1.0))
-        return min(max(frame, 0), self._n_frames - 1)
+        self.show(self.first + frames, self.end + frames)
 
     @property
     def _n_frames(self) -> int:
@@ -126,14 +99,9 @@ class VisibleSpan(QObject):
         self.changed.emit()
 
     def _reveal(self, frame: int) -> None:
-        if not self._first <= frame < self._end:
-            length = self._end - self._first
+        if not self.first <= frame < self.end:
+            length = self.end - self.first
             self.show(frame - _LEAD * length, frame + (1 - _LEAD) * length)
-
-
-def plot_width(width: float) -> float:
-    """Return how wide the part that shows frames is in a widget of some width [px]."""
-    return max(width - GUTTER - MARGIN, 1.0)
 
 
 def ruler_step(span: VisibleSpan, rate: float, width: float) -> float:
@@ -179,51 +147,85 @@ def clock(seconds: float, step: float) -> str:
     return shown + (f".{rest:0{decimals}d}" if decimals else "")
 
 
-def zoom_or_pan(event: QWheelEvent, span: VisibleSpan, width: float) -> None:
-    """Zoom about the pointer; pan with Shift, Alt or a sideways wheel.
+class SpanView(QWidget):
+    """Shows the frames in sight between a gutter and a margin; the wheel zooms and pans, Ctrl with +, - and 0 zooms.
 
     Parameters
     ----------
-    event : QWheelEvent
-        Is accepted.
+    session : Session
+        The take and the frame that is shown.
     span : VisibleSpan
-        What is in sight.
-    width : float, px
-        Of the part of the picture that shows frames.
+        The frames in sight.
+    parent : QWidget, optional
+        Qt's parent.
     """
-    across, away = notches(event)
-    length = span.end - span.first
-    if across:
-        span.pan(-across * _PAN * length)
-    elif event.modifiers() & Qt.KeyboardModifier.ShiftModifier:
-        span.pan(-away * _PAN * length)
-    else:
-        about = span.first + (event.position().x() - GUTTER) * length / width
-        span.zoom(ZOOM**away, min(max(about, span.first), span.end))
-    event.accept()
 
+    def __init__(self, session: Session, span: VisibleSpan, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._session, self._span = session, span
+        for signal in (session.frame_changed, span.changed):
+            signal.connect(self.update)
 
-def zoomed_by_key(event: QKeyEvent, span: VisibleSpan, frame: int) -> bool:
-    """Zoom about the shown frame with Ctrl and plus or minus, show all with Ctrl+0; return whether it was one of these.
+    @property
+    def _plot_width(self) -> float:
+        """How wide the part is that shows frames [px]."""
+        return max(float(self.width() - GUTTER - MARGIN), 1.0)
 
-    Parameters
-    ----------
-    event : QKeyEvent
-        The key.
-    span : VisibleSpan
-        What is in sight.
-    frame : int
-        The frame that is shown.
-    """
-    if not event.modifiers() & Qt.KeyboardModifier.ControlModifier:
-        return False
-    key = event.key()
-    if key in {Qt.Key.Key_Plus, Qt.Key.Key_Equal}:
-        span.zoom(ZOOM**2, frame + 0.5)
-    elif key == Qt.Key.Key_Minus:
-        span.zoom(ZOOM**-2, frame + 0.5)
-    elif key == Qt.Key.Key_0:
-        span.show_all()
-    else:
-        return False
-    return True
+    def _x_of(self, frame: float) -> float:
+        """Where a frame begins [px]; half a frame more is its middle."""
+        return GUTTER + (frame - self._span.first) * self._plot_width / (self._span.end - self._span.first)
+
+    def _frame_at(self, x: float) -> int:
+        """The frame at a place [px]; beyond the ends the first or last of the take."""
+        frame = math.floor(self._span.first + (x - GUTTER) * (self._span.end - self._span.first) / self._plot_width)
+        return min(max(frame, 0), max(self._session.n_frames, 1) - 1)
+
+    def paint_cursor(self, painter: QPainter, bottom: int) -> None:
+        """Paint the line of the frame that is shown, where it is in sight.
+
+        Parameters
+        ----------
+        painter : QPainter
+            An active painter.
+        bottom : int, px
+            Where the line ends.
+        """
+        x = round(self._x_of(self._session.frame + 0.5))
+        if GUTTER <= x <= self.width() - MARGIN:
+            painter.setPen(QPen(cursor_colour(self.palette()), 1.0))
+            painter.drawLine(x, 0, x, bottom)
+
+    def tip_at(self, place: QPointF) -> str:
+        """Describe what lies at a place; by default what the whole is."""
+        return self.toolTip()
+
+    def event(self, event: QEvent) -> bool:
+        """Describe what lies under the pointer."""
+        return show_tip(self, event, self.tip_at) or super().event(event)
+
+    def wheelEvent(self, event: QWheelEvent) -> None:
+        """Zoom about the pointer; pan with Shift, Alt or a sideways wheel."""
+        across, away = notches(event)
+        span, length = self._span, self._span.end - self._span.first
+        if across:
+            span.pan(-across * _PAN * length)
+        elif event.modifiers() & Qt.KeyboardModifier.ShiftModifier:
+            span.pan(-away * _PAN * length)
+        else:
+            about = span.first + (event.position().x() - GUTTER) * length / self._plot_width
+            span.zoom(ZOOM**away, min(max(about, span.first), span.end))
+        event.accept()
+
+    def keyPressEvent(self, event: QKeyEvent) -> None:
+        """Zoom about the shown frame."""
+        key, middle = event.key(), self._session.frame + 0.5
+        if not event.modifiers() & Qt.KeyboardModifier.ControlModifier:
+            super().keyPressEvent(event)
+        elif key in {Qt.Key.Key_Plus, Qt.Key.Key_Equal}:
+            self._span.zoom(ZOOM**2, middle)
+        elif key == Qt.Key.Key_Minus:
+            self._span.zoom(ZOOM**-2, middle)
+        elif key == Qt.Key.Key_0:
+            self._span.show_all()
+        else:
+            super().keyPressEvent(event)

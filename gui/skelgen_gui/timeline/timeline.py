@@ -22,19 +22,19 @@ from PySide6.QtGui import (
     QPaintEvent,
     QPalette,
     QPolygonF,
-    QWheelEvent,
 )
 from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QSizePolicy, QSpinBox, QToolButton, QWidget
 
 from skelgen.app.drawing.wording import plain
+from skelgen.files import read_table
 from skelgen_gui.model.curves import Panel, count_panel
 from skelgen_gui.project.deriving import Deriver
 from skelgen_gui.project.session import Session
 from skelgen_gui.timeline.lane_view import LaneView, Legend
 from skelgen_gui.timeline.player import SPEEDS, PlayCommands, Player
 from skelgen_gui.timeline.plot_view import PlotView
-from skelgen_gui.timeline.span import GUTTER, VisibleSpan, clock, plot_width, ruler_step, zoom_or_pan
-from skelgen_gui.widgets.layouts import bare_column, describe
+from skelgen_gui.timeline.span import GUTTER, SpanView, VisibleSpan, clock, ruler_step
+from skelgen_gui.widgets.layouts import bare_column, put_texts
 from skelgen_gui.widgets.painting import blended, cursor_colour, drawn_pixmap
 from skelgen_gui.widgets.shortcuts import make_actions
 
@@ -73,9 +73,7 @@ class Timeline(QWidget):
         self.counts = PlotView(session, self.span, self)
         self.lane_view = LaneView(session, self.span, self)
         self.deriver = Deriver(self)
-        self.setAccessibleName(self.tr("Timeline"))
-        self.counts.setAccessibleName(self.tr("Points that belong to no marker"))
-        self.counts.setToolTip(self.tr("How many points of each frame belong to no marker"))
+        put_texts(self)
         self.counts.setFixedHeight(_COUNTS_HEIGHT)
         column = bare_column(self, (self.transport, self.ruler, self.counts, self.lane_view, Legend(self)))
         column.setSpacing(0)
@@ -103,25 +101,7 @@ _RANGES = ("range_from", "range_to", "range_all")
 
 _SIZE = 16.0
 _RATIO = 3.0  # pixels per point: sharp on any screen
-Shape = tuple[tuple[float, float], ...]
-_BARS = {
-    "pause": ((3.5, 2.5, 3.2, 11.0), (9.3, 2.5, 3.2, 11.0)),
-    "first_frame": ((2.0, 2.5, 2.2, 11.0),),
-    "last_frame": ((11.8, 2.5, 2.2, 11.0),),
-    "previous_frame": ((10.6, 3.5, 2.2, 9.0),),
-    "next_frame": ((3.2, 3.5, 2.2, 9.0),),
-    "range_from": ((3.0, 2.0, 2.2, 12.0), (3.0, 2.0, 6.0, 2.0), (3.0, 12.0, 6.0, 2.0)),
-    "range_to": ((10.8, 2.0, 2.2, 12.0), (7.0, 2.0, 6.0, 2.0), (7.0, 12.0, 6.0, 2.0)),
-    "range_all": ((1.5, 2.5, 2.0, 11.0), (12.5, 2.5, 2.0, 11.0), (3.5, 7.2, 9.0, 1.6)),
-}
-_POLYGONS: dict[str, tuple[Shape, ...]] = {
-    "play": (((3.5, 2.0), (13.5, 8.0), (3.5, 14.0)),),
-    "first_frame": (((14.0, 2.5), (14.0, 13.5), (5.0, 8.0)),),
-    "last_frame": (((2.0, 2.5), (2.0, 13.5), (11.0, 8.0)),),
-    "previous_frame": (((9.0, 3.5), (9.0, 12.5), (2.5, 8.0)),),
-    "next_frame": (((7.0, 3.5), (7.0, 12.5), (13.5, 8.0)),),
-    "loop": (((9.0, 0.5), (13.0, 3.4), (9.0, 6.3)), ((7.0, 9.7), (3.0, 12.6), (7.0, 15.5))),
-}
+_SIGNS = read_table(__file__, "signs")
 
 
 class Transport(QWidget):
@@ -162,13 +142,11 @@ class Transport(QWidget):
         self.frame = QSpinBox(self)
         self.frame.setKeyboardTracking(False)
         self.frame.setMinimumWidth(84)
-        describe(self.frame, self.tr("Frame"), self.tr("The frame that is shown, counted from 0"))
         self.frame.valueChanged.connect(self._session.show_frame)
         self._time = QLabel(self)
         self._time.setContentsMargins(_GAP // 2, 0, 0, 0)
-        describe(self._time, self.tr("Time"), self.tr("Time of the frame, and of the last one"))
         self.speed = QComboBox(self)
-        describe(self.speed, self.tr("Speed"), self.tr("How fast the take is played"))
+        put_texts(self)
         for speed in SPEEDS:
             self.speed.addItem(f"{plain(speed)} ×", speed)
         self.speed.activated.connect(lambda index: self._player.set_speed(self.speed.itemData(index)))
@@ -249,14 +227,11 @@ def _fill(shape: QPainterPath, ink: QColor, painter: QPainter) -> None:
 def _path(name: str) -> QPainterPath:
     path = QPainterPath()
     path.setFillRule(Qt.FillRule.WindingFill)
-    for bar in _BARS.get(name, ()):
+    for bar in _SIGNS["bars"].get(name, ()):
         path.addRoundedRect(QRectF(*bar), 0.8, 0.8)
-    for polygon in _POLYGONS.get(name, ()):
+    for polygon in _SIGNS["polygons"].get(name, ()):
         path.addPolygon(QPolygonF([QPointF(*corner) for corner in polygon]))
         path.closeSubpath()
-    if name == "loop":  # two arms of a ring, one to each arrow head
-        for arm in ((2.0, 2.5, 7.5, 1.8), (2.0, 2.5, 1.8, 7.0), (6.5, 11.7, 7.5, 1.8), (12.2, 6.5, 1.8, 7.0)):
-            path.addRoundedRect(QRectF(*arm), 0.8, 0.8)
     return path
 
 
@@ -268,7 +243,7 @@ _MINOR = 5  # parts between two labels
 _Role = QPalette.ColorRole
 
 
-class Ruler(QWidget):
+class Ruler(SpanView):
     """Shows times; click or drag goes to a frame, the two handles set the range.
 
     Parameters
@@ -282,14 +257,13 @@ class Ruler(QWidget):
     """
 
     def __init__(self, session: Session, player: Player, span: VisibleSpan, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
-        self._session, self._player, self._span = session, player, span
+        super().__init__(session, span, parent)
+        self._player = player
         self._grip: int | None = None
-        self.setAccessibleName(self.tr("Ruler"))
-        self.setToolTip(self.tr("Click or drag to go to a frame; drag the two handles to set what is played"))
+        put_texts(self)
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
         self.setMouseTracking(True)
-        for signal in (session.frame_changed, session.project_changed, player.settings_changed, span.changed):
+        for signal in (session.project_changed, player.settings_changed):
             signal.connect(self.update)
 
     def sizeHint(self) -> QSize:
@@ -320,12 +294,8 @@ class Ruler(QWidget):
             on_grip = self._grip_at(event.position().x()) is not None
             self.setCursor(Qt.CursorShape.SplitHCursor if on_grip else Qt.CursorShape.ArrowCursor)
 
-    def wheelEvent(self, event: QWheelEvent) -> None:
-        """Zoom, or pan with Shift."""
-        zoom_or_pan(event, self._span, plot_width(self.width()))
-
     def _drag(self, x: float) -> None:
-        frame = self._span.frame_at(x, GUTTER, plot_width(self.width()))
+        frame = self._frame_at(x)
         first, last = self._player.range
         if self._grip is None:
             self._session.show_frame(frame)
@@ -342,8 +312,7 @@ class Ruler(QWidget):
 
     def _handles(self) -> tuple[float, float]:
         first, last = self._player.range
-        width = plot_width(self.width())
-        return self._span.place(first, GUTTER, width) - _HANDLE, self._span.place(last + 1, GUTTER, width) + _HANDLE
+        return self._x_of(first) - _HANDLE, self._x_of(last + 1) + _HANDLE
 
     def _paint_range(self, painter: QPainter) -> None:
         left, right = self._handles()
@@ -357,7 +326,7 @@ class Ruler(QWidget):
             painter.drawRoundedRect(QRectF(x - _HANDLE, base - 3, 2 * _HANDLE, 12.0), 2.5, 2.5)
 
     def _paint_ticks(self, painter: QPainter) -> None:
-        rate, width = self._session.rate, plot_width(self.width())
+        rate, width = self._session.rate, self._plot_width
         step = ruler_step(self._span, rate, width)
         text = self.palette().color(_Role.WindowText)
         faint = blended(text, self.palette().color(_Role.Window), 0.4)
@@ -366,7 +335,7 @@ class Ruler(QWidget):
         metrics = QFontMetricsF(self.font())
         for index in range(first, last + 1):
             seconds = index * step / _MINOR
-            x = self._span.place(seconds * rate + 0.5, GUTTER, width)
+            x = self._x_of(seconds * rate + 0.5)
             is_labelled = index % _MINOR == 0
             painter.setPen(faint)
             painter.drawLine(QPointF(x, self.height() - 9), QPointF(x, self.height() - (15 if is_labelled else 12)))
@@ -376,7 +345,7 @@ class Ruler(QWidget):
                 painter.drawText(QPointF(x - metrics.horizontalAdvance(shown) / 2, self.height() - 18), shown)
 
     def _paint_cursor(self, painter: QPainter) -> None:
-        x = self._span.place(self._session.frame + 0.5, GUTTER, plot_width(self.width()))
+        x = self._x_of(self._session.frame + 0.5)
         painter.setPen(Qt.PenStyle.NoPen)
         painter.setBrush(cursor_colour(self.palette()))
         low = float(self.height())

@@ -14,15 +14,15 @@ from functools import partial
 from typing import Any
 
 from PySide6.QtCore import QObject, QPointF, QRectF, Qt, Signal
-from PySide6.QtGui import QAction, QActionGroup, QKeySequence, QWheelEvent
+from PySide6.QtGui import QAction, QActionGroup, QWheelEvent
 from PySide6.QtWidgets import QApplication, QHBoxLayout, QMenu, QToolButton, QWidget
 
+from skelgen.files import read_table
 from skelgen_gui.model.view_state import MAGNIFICATIONS, TRAIL_SECONDS, Shown
 from skelgen_gui.model.viewpoint import DOWN, Viewpoint
+from skelgen_gui.widgets.shortcuts import Command, make_action
 
 _Choice = tuple[str, float | None]  # text and value of something to choose
-
-_KEYS = {"trails": "T", "names": "N", "four": "4"}  # of switches
 
 
 class Commands(QObject):
@@ -35,10 +35,8 @@ class Commands(QObject):
 
     Attributes
     ----------
-    fit, fit_take, front, side, top : QAction
-        Move the camera of the view.
-    hide, isolate, show_all : QAction
-        Hide and show what is selected.
+    moves, hiding : dict of str to QAction
+        What moves the camera of the view, and what hides and shows what is selected, by the names in their table.
     rectangle : QAction
         Checkable: dragging selects by a rectangle instead of turning the view.
     switches : dict of str to QAction
@@ -59,27 +57,25 @@ class Commands(QObject):
     def __init__(self, shown: Shown, parent: QWidget) -> None:
         super().__init__(parent)
         self._shown = shown
-        tr = self.tr
-        self.fit = self._action(tr("Fit"), "F", tr("Show all of this frame, or what is selected"))
-        self.fit_take = self._action(tr("Fit take"), "Shift+F", tr("Show where all of the take happens"))
-        self.front = self._action(tr("Front"), "1", tr("Look at the wider side"))
-        self.side = self._action(tr("Side"), "3", tr("Look at the narrower side"))
-        self.top = self._action(tr("Top"), "7", tr("Look from above"))
-        self.hide = self._action(tr("Hide"), "H", tr("Hide what is selected"))
-        self.isolate = self._action(tr("Isolate"), "Shift+H", tr("Show nothing but what is selected"))
-        self.show_all = self._action(tr("Show all"), "Ctrl+H", tr("Show what was hidden"))
-        self.rectangle = self._action(tr("Select"), "B", tr("Drag a rectangle around markers (also: Shift and drag)"))
+        table = read_table(__file__, "commands")
+        made = {
+            part: {name: make_action(Command(name, **entry), self) for name, entry in table[part].items()}
+            for part in table
+        }
+        self.moves, self.hiding, self.switches = made["moves"], made["hiding"], made["switches"]
+        self.rectangle = made["selecting"]["rectangle"]
         self.rectangle.setCheckable(True)
-        self.switches = {name: self._switch(name, *words) for name, words in self._switch_words().items()}
+        for name, action in self.switches.items():
+            action.setCheckable(True)
+            action.toggled.connect(partial(self._set, name))
         self.choices = {name: self._choice(name, values) for name, values in self._choice_words().items()}
         self.follow(shown)
 
     @property
     def with_keys(self) -> tuple[QAction, ...]:
         """The actions that have keys."""
-        switches = (self.switches[name] for name in _KEYS)
-        moves = (self.fit, self.fit_take, self.front, self.side, self.top)
-        return (*moves, self.hide, self.isolate, self.show_all, self.rectangle, *switches)
+        switches = (self.switches[name] for name in ("trails", "names", "four"))
+        return (*self.moves.values(), *self.hiding.values(), self.rectangle, *switches)
 
     def fill(self, menu: QMenu) -> None:
         """Add all switches and choices to a menu."""
@@ -91,28 +87,6 @@ class Commands(QObject):
             submenu.setToolTipsVisible(True)
             submenu.addActions(actions)
 
-    def _switch_words(self) -> dict[str, tuple[str, str]]:
-        """Text and explanation of every switch."""
-        tr = self.tr
-        return {
-            "markers": (tr("Markers"), tr("Measured markers; doubtful ones have a ring")),
-            "filled": (tr("Filled markers"), tr("Unseen markers, hollow, where the skeleton places them")),
-            "names": (tr("Names"), tr("Names of markers beside them")),
-            "trails": (tr("Trails"), tr("Paths of the markers until this frame")),
-            "bones": (tr("Bones"), tr("Lines between joints, and to the markers of end limbs")),
-            "joints": (tr("Joints"), tr("Joints of the skeleton")),
-            "uncertainty": (
-                tr("Uncertainty of all joints"),
-                tr("Ellipsoids, magnified; else of the selected joint"),
-            ),
-            "axes": (tr("Axes of joints"), tr("Axes of hinges and universal joints, and of bodies")),
-            "floor": (tr("Floor"), tr("Floor grid and shadows")),
-            "cameras": (tr("Cameras"), tr("What the cameras see, where they are known")),
-            "follow": (tr("Follow"), tr("Go along with what moves")),
-            "four": (tr("Four views"), tr("From the front, the side and above, beside the free view")),
-            "other": (tr("Second result"), tr("The project that is compared, translucent")),
-        }
-
     def _choice_words(self) -> dict[str, list[_Choice]]:
         """Text and value of everything that can be chosen."""
         seconds: list[_Choice] = [(self.tr("{value:g} s").format(value=value), value) for value in TRAIL_SECONDS]
@@ -122,19 +96,6 @@ class Commands(QObject):
         ups += [(self.tr("X up"), 0), (self.tr("Y up"), 1), (self.tr("Z up"), 2)]
         ups += [(self.tr("X down"), DOWN), (self.tr("Y down"), DOWN + 1), (self.tr("Z down"), DOWN + 2)]
         return {"trail_seconds": seconds, "magnification": times, "up": ups}
-
-    def _action(self, text: str, key: str, explanation: str) -> QAction:
-        action = QAction(text, self)
-        action.setStatusTip(explanation)
-        action.setToolTip(f"{explanation} ({key})" if key else explanation)
-        action.setShortcut(QKeySequence(key))
-        return action
-
-    def _switch(self, name: str, text: str, explanation: str) -> QAction:
-        action = self._action(text, _KEYS.get(name, ""), explanation)
-        action.setCheckable(True)
-        action.toggled.connect(partial(self._set, name))
-        return action
 
     def _choice(self, name: str, values: Iterable[_Choice]) -> list[QAction]:
         group = QActionGroup(self)
@@ -177,7 +138,7 @@ class ViewButtons(QWidget):
         row = QHBoxLayout(self)
         row.setContentsMargins(0, 0, 0, 0)
         row.setSpacing(2)
-        for action in (commands.fit, commands.front, commands.side, commands.top, commands.rectangle):
+        for action in (*(commands.moves[name] for name in ("fit", "front", "side", "top")), commands.rectangle):
             button = self._button(action.toolTip())
             button.setDefaultAction(action)
             button.setAccessibleName(action.text())

@@ -1,6 +1,5 @@
 """The 3-D view alone, or beside views from the front, the side and above, which show and select the same."""
 
-from collections.abc import Callable
 from dataclasses import replace
 
 from PySide6.QtCore import QTimer
@@ -63,13 +62,8 @@ class FourViews(QWidget):
 
     def _stand(self) -> None:
         """Put each viewer where its name says."""
-        above, front, side = self.others
-        looks: tuple[tuple[View3D, Callable[[], None]], ...] = (
-            (above, above.look_from_top),
-            (front, front.look_from_front),
-            (side, side.look_from_side),
-        )
-        for view, look in looks:
-            look()
+        looks = View3D.look_from_top, View3D.look_from_front, View3D.look_from_side
+        for view, look in zip(self.others, looks, strict=True):
+            look(view)
             view.fit_take()
         self._main.fit_take()

@@ -29,6 +29,7 @@ from skelgen_gui.model.wording import about
 from skelgen_gui.project.session import Session
 from skelgen_gui.view3d import controls
 from skelgen_gui.view3d.renderer import NO_FRUSTUMS, Renderer
+from skelgen_gui.widgets.layouts import put_texts
 from skelgen_gui.widgets.painting import paint_words
 
 _MARGIN = 8  # px, of the buttons from the border
@@ -50,6 +51,11 @@ class View3D(QWidget):
     context_requested(QPoint, Selection)
         The user wants a menu for what is selected, at a place on the screen.
 
+    Attributes
+    ----------
+    shown : Shown
+        What is shown.
+
     Parameters
     ----------
     session : Session
@@ -67,7 +73,7 @@ class View3D(QWidget):
     def __init__(self, session: Session, parent: QWidget | None = None, *, is_main: bool = True) -> None:
         super().__init__(parent)
         self._session = session
-        self._shown = Shown()
+        self.shown = Shown()
         self._camera = ViewCamera()
         self._other: Scene | None = None
         self._frustums = NO_FRUSTUMS
@@ -77,7 +83,7 @@ class View3D(QWidget):
         self._drag: controls.Drag | None = None
         self._pointer = QPointF()
         self._set_up_widget()
-        self.commands = controls.Commands(self._shown, self)
+        self.commands = controls.Commands(self.shown, self)
         self._connect_commands()
         self._buttons = controls.ViewButtons(self.commands, self)
         self._buttons.setVisible(is_main)
@@ -91,11 +97,6 @@ class View3D(QWidget):
         self._take_other()
 
     @property
-    def shown(self) -> Shown:
-        """What is shown."""
-        return self._shown
-
-    @property
     def viewpoint(self) -> Viewpoint:
         """Where the viewer stands."""
         return self._camera.canvas.viewpoint
@@ -107,13 +108,13 @@ class View3D(QWidget):
 
     def set_shown(self, shown: Shown) -> None:
         """Show other parts."""
-        if shown == self._shown:
+        if shown == self.shown:
             return
-        if shown.up != self._shown.up:
+        if shown.up != self.shown.up:
             self._camera.point_up(shown.up)
-        if shown.follow != self._shown.follow:
+        if shown.follow != self.shown.follow:
             self._camera.follow(self._session.frame if shown.follow else None)
-        self._shown = shown
+        self.shown = shown
         self.shown_changed.emit(shown)
         self.update()
 
@@ -133,11 +134,11 @@ class View3D(QWidget):
 
     def hide_markers(self, names: Iterable[str]) -> None:
         """Hide some markers, by their names, and show all others; limbs without any shown marker are hidden, too."""
-        self.set_shown(replace(self._shown, hidden=tuple(sorted(names))))
+        self.set_shown(replace(self.shown, hidden=tuple(sorted(names))))
 
     def hide_selected(self) -> None:
         """Hide the selected markers and limbs."""
-        self.hide_markers({*self._shown.hidden, *self._selected_names()})
+        self.hide_markers({*self.shown.hidden, *self._selected_names()})
 
     def isolate_selected(self) -> None:
         """Show nothing but the selected markers and limbs."""
@@ -212,8 +213,8 @@ class View3D(QWidget):
     def paintEvent(self, event: QPaintEvent) -> None:
         """Paint the frame."""
         canvas = self._camera.canvas_at(self._session.frame)
-        floor = self._camera.floor if self._shown.floor else None
-        frustums = self._frustums if self._shown.cameras else NO_FRUSTUMS
+        floor = self._camera.floor if self.shown.floor else None
+        frustums = self._frustums if self.shown.cameras else NO_FRUSTUMS
         with QPainter(self) as painter:
             painter.setRenderHint(QPainter.RenderHint.Antialiasing)
             if self._renderer is None or self._renderer.ratio != self.devicePixelRatioF():
@@ -311,28 +312,16 @@ class View3D(QWidget):
 
     def _connect_commands(self) -> None:
         commands = self.commands
-        for action, move in (
-            (commands.fit, self.fit),
-            (commands.fit_take, self.fit_take),
-            (commands.front, self.look_from_front),
-            (commands.side, self.look_from_side),
-            (commands.top, self.look_from_top),
-            (commands.hide, self.hide_selected),
-            (commands.isolate, self.isolate_selected),
-            (commands.show_all, lambda: self.hide_markers(())),
-        ):
-            action.triggered.connect(move)
+        moves = self.fit, self.fit_take, self.look_from_front, self.look_from_side, self.look_from_top
+        hiding = self.hide_selected, self.isolate_selected, lambda: self.hide_markers(())
+        actions = *commands.moves.values(), *commands.hiding.values()
+        for action, act in zip(actions, (*moves, *hiding), strict=True):
+            action.triggered.connect(act)
         commands.shown_changed.connect(self.set_shown)
         self.shown_changed.connect(commands.follow)
 
     def _set_up_widget(self) -> None:
-        self.setAccessibleName(self.tr("3-D view"))
-        usage = self.tr(
-            "Drag to turn, drag with the right button to shift, turn the wheel to zoom. Click to select, with Ctrl to "
-            "add; Shift and drag selects the markers in a rectangle."
-        )
-        self.setToolTip(usage)
-        self.setAccessibleDescription(usage)
+        put_texts(self)
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
         self.setMouseTracking(True)
         self.setAttribute(Qt.WidgetAttribute.WA_OpaquePaintEvent)
@@ -357,8 +346,8 @@ class View3D(QWidget):
     def _paint_scenes(
         self, painter: QPainter, renderer: Renderer, canvas: Canvas, floor: Floor | None
     ) -> tuple[Snapshot, Picture] | None:
-        view, scene, other = FrameView(self._session.frame, canvas, self._shown), self._camera.scene, self._other
-        if other is not None and self._shown.other and view.frame < other.n_frames:
+        view, scene, other = FrameView(self._session.frame, canvas, self.shown), self._camera.scene, self._other
+        if other is not None and self.shown.other and view.frame < other.n_frames:
             renderer.paint_other(painter, other, view)
         if scene is None or view.frame >= scene.n_frames:
             return None
@@ -367,11 +356,11 @@ class View3D(QWidget):
     def _legend(self) -> str:
         """Say how large the grid's cells and the ellipsoids are."""
         scene, floor, parts = self._camera.scene, self._camera.floor, []
-        if floor is not None and self._shown.floor:
+        if floor is not None and self.shown.floor:
             parts.append(self.tr("grid {spacing:g} mm").format(spacing=floor.spacing))
-        has_ellipsoids = self._shown.uncertainty or self._session.selection.joint is not None
+        has_ellipsoids = self.shown.uncertainty or self._session.selection.joint is not None
         if has_ellipsoids and scene is not None and scene.project.has("skeleton"):
-            times = self._shown.magnification or scene.magnification
+            times = self.shown.magnification or scene.magnification
             parts.append(self.tr("ellipsoids {times} × std").format(times=times))
         return "   ".join(parts)
 

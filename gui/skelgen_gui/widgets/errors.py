@@ -14,7 +14,7 @@ from PySide6.QtWidgets import QDialog, QDialogButtonBox, QLabel, QPlainTextEdit,
 
 import skelgen
 from skelgen.errors import SkelgenError, out_of_memory
-from skelgen_gui.widgets.layouts import column, row_of, wrap
+from skelgen_gui.widgets.layouts import column, put_texts, row_of, wrap
 
 translate = QCoreApplication.translate
 
@@ -113,11 +113,8 @@ class ErrorDialog(QDialog):
         self.details.setReadOnly(True)
         self.details.setMinimumHeight(_DETAILS_HEIGHT)
         self.details.setFont(QFontDatabase.systemFont(QFontDatabase.SystemFont.FixedFont))
-        self.details.setAccessibleName(self.tr("Details of the error"))
-        self.details.setToolTip(self.tr("Where it happened, and the versions of the program and its parts"))
         self.toggle.setCheckable(True)
-        self.toggle.setToolTip(self.tr("Show where it happened"))
-        self.copy.setToolTip(self.tr("Copy the sentence and the details, to report them"))
+        put_texts(self)
 
     def _show_details(self, shown: bool) -> None:
         self.details.setVisible(shown)

@@ -6,10 +6,7 @@ no such words here is plain already. Files, command line and documentation keep 
 """
 
 import math
-import tomllib
 from collections.abc import Callable
-from functools import cache
-from pathlib import Path
 from typing import Any
 
 from PySide6.QtCore import QCoreApplication, QEvent, QObject, Qt, Signal
@@ -30,6 +27,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from skelgen.files import read_table
 from skelgen.parameters import Declaration
 from skelgen_gui.widgets.layouts import bare_column, describe, row_of
 
@@ -38,6 +36,7 @@ _EXACT = 1e15  # whole numbers below are shown with all their digits
 _FINENESS = 1  # a step changes the second digit of a number: 0.8 -> 0.81, 100 -> 110
 _STEP_FROM_ZERO = 0.1
 
+_WORDS = read_table(__file__, "words")
 _MOST = 100_000  # the largest number that can be given
 
 
@@ -355,15 +354,9 @@ class FoundOrGiven(QWidget):
         self.changed.emit()
 
 
-@cache
-def _words() -> dict[str, dict[str, str]]:
-    """What parameters and their choices are called, by their names in files."""
-    return tomllib.loads(Path(__file__).with_name("tables").joinpath("words.toml").read_text(encoding="utf-8"))
-
-
 def title_of(declaration: Declaration) -> str:
     """Return what a parameter is called in a form."""
-    title = _words()["parameters"].get(declaration.name, declaration.name.replace("_", " ").capitalize())
+    title = _WORDS["parameters"].get(declaration.name, declaration.name.replace("_", " ").capitalize())
     return QCoreApplication.translate("Parameters", title)
 
 
@@ -377,6 +370,6 @@ def choice_of(declaration: Declaration, choice: str) -> str:
     choice : str
         Its name in files.
     """
-    is_of_stage = declaration.name in _words()["parameters"]  # other forms use some of these words otherwise
-    words = _words()["choices"].get(choice, choice) if is_of_stage else choice
+    is_of_stage = declaration.name in _WORDS["parameters"]  # other forms use some of these words otherwise
+    words = _WORDS["choices"].get(choice, choice) if is_of_stage else choice
     return QCoreApplication.translate("Parameters", words)

@@ -12,7 +12,7 @@ from PySide6.QtWidgets import QGridLayout, QLabel, QPushButton, QToolButton, QWi
 from skelgen.errors import ParameterError
 from skelgen.parameters import Declaration, ParameterValue, StageParameters
 from skelgen_gui.widgets.fields import Expander, choice_of, editor_for, title_of
-from skelgen_gui.widgets.layouts import bare_column, describe, wrap
+from skelgen_gui.widgets.layouts import bare_column, put_texts, wrap
 from skelgen_gui.widgets.painting import CHANGED_ROLE, PROBLEM_ROLE
 
 # Returns the clean value of what was entered for a declaration, or raises `ParameterError`
@@ -37,6 +37,11 @@ class FormRow(QObject):
     looked_at()
         The user came to the editor, with the keyboard or the mouse.
 
+    Attributes
+    ----------
+    is_changed : bool
+        Whether it differs from the default, or is wrong.
+
     Parameters
     ----------
     declaration : Declaration
@@ -59,7 +64,7 @@ class FormRow(QObject):
         self.declaration = declaration
         self._title = title_of(declaration)
         self._check = check
-        self._is_changed = False
+        self.is_changed = False
         self.editor = editor_for(declaration, parent)
         self.label = QLabel(parent)
         self.reset_button = QToolButton(parent)
@@ -81,11 +86,6 @@ class FormRow(QObject):
     def problem(self) -> str:
         """What is wrong with what is entered; empty if nothing is."""
         return self._problem.text()
-
-    @property
-    def is_changed(self) -> bool:
-        """Whether it differs from the default, or is wrong."""
-        return self._is_changed
 
     def value(self) -> Any:
         """Return the value, or raise `ParameterError`."""
@@ -146,12 +146,12 @@ class FormRow(QObject):
     def _follow(self) -> None:
         """Show what is wrong, and mark what is changed."""
         try:
-            self._is_changed = bool(self.value() != self.declaration.default)
+            self.is_changed = bool(self.value() != self.declaration.default)
             self._problem.clear()
         except ParameterError as error:
-            self._is_changed = True
+            self.is_changed = True
             self._problem.setText(str(error))
-        changed = self._is_changed
+        changed = self.is_changed
         self._problem.setVisible(bool(self.problem))
         self.label.setText((_CHANGED_MARK if changed else "") + self._title)
         self.label.setForegroundRole(CHANGED_ROLE if changed else self.editor.foregroundRole())
@@ -268,7 +268,7 @@ class ParameterForm(QWidget):
         layout = bare_column(self, (self._boxes[0], self._expander, self._boxes[1], self._help))
         layout.addWidget(self._reset_all, alignment=Qt.AlignmentFlag.AlignRight)
         layout.addStretch(1)
-        describe(self._reset_all, self.tr("Reset all parameters"), self.tr("Return all parameters to their defaults"))
+        put_texts(self)
         self._reset_all.clicked.connect(self.reset)
         self._expander.setVisible(bool(self._advanced))
 

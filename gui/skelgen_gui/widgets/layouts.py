@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Sequence
 from typing import Generic, TypeVar
 
-from PySide6.QtCore import QAbstractTableModel, QModelIndex, QObject, QPersistentModelIndex, Qt
+from PySide6.QtCore import QAbstractTableModel, QCoreApplication, QModelIndex, QObject, QPersistentModelIndex, Qt
 from PySide6.QtWidgets import (
     QAbstractItemView,
     QBoxLayout,
@@ -19,7 +19,31 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from skelgen.files import read_table
+
 _BESIDE_BAR = 6  # px, between what is scrolled and the scroll bar
+
+
+# What sets each of the texts of a widget
+_SETTERS = {
+    "text": "setText",
+    "name": "setAccessibleName",
+    "tip": "setToolTip",
+    "hint": "setPlaceholderText",
+    "about": "setAccessibleDescription",
+    "columns": "show_columns",
+}
+
+
+def put_texts(widget: QWidget) -> None:
+    """Give a widget and its parts the texts of the table ``texts``, where each stands under its class and attribute."""
+    every = read_table(__file__, "texts")
+    kind = next(kind.__name__ for kind in type(widget).__mro__ if kind.__name__ in every)
+    for part, texts in every[kind].items():
+        owner = widget if part == "self" else getattr(widget, part)
+        for what, text in texts.items():
+            words = [QCoreApplication.translate(kind, one) for one in ([text] if isinstance(text, str) else text)]
+            getattr(owner, _SETTERS[what])(words[0] if isinstance(text, str) else words)
 
 
 def describe(widget: QWidget, name: str, tip: str = "") -> None:

@@ -17,6 +17,7 @@ from PySide6.QtWidgets import QApplication, QToolTip, QWidget
 from shiboken6 import Shiboken
 
 from skelgen.app.drawing.scales import limb_colour
+from skelgen.files import read_table
 from skelgen.model.arrays import Floats
 from skelgen_gui.widgets.preferences import Preferences
 
@@ -181,33 +182,9 @@ CHANGED_ROLE = QPalette.ColorRole.Link
 """Role of texts that differ from their default."""
 
 _Role = QPalette.ColorRole
-# On light and on dark desktops
-_PALETTE = {
-    _Role.Window: ("#f3f4f6", "#202327"),
-    _Role.WindowText: ("#1c2024", "#e6e8eb"),
-    _Role.Base: ("#ffffff", "#353b43"),
-    _Role.AlternateBase: ("#eceef1", "#3d444d"),
-    _Role.Text: ("#1c2024", "#e6e8eb"),
-    _Role.Button: ("#e6e8ec", "#3d434c"),
-    _Role.ButtonText: ("#1c2024", "#e6e8eb"),
-    _Role.ToolTipBase: ("#fffbe6", "#474e58"),
-    _Role.ToolTipText: ("#1c2024", "#f2f3f5"),
-    _Role.PlaceholderText: ("#6b7280", "#b3bac4"),
-    _Role.Highlight: ("#1f6fc4", "#2f7fd6"),
-    _Role.HighlightedText: ("#ffffff", "#ffffff"),
-    _Role.Accent: ("#1f6fc4", "#2f7fd6"),
-    _Role.Link: ("#155a9f", "#7db7f5"),
-    _Role.LinkVisited: ("#6b4fa0", "#b9a3e3"),
-    _Role.BrightText: ("#b3261e", "#ff8f85"),
-}
-_FADED = {False: "#8b929c", True: "#8d949e"}  # texts of what is switched off
+_COLOURS = read_table(__file__, "colours")
 _MIDDLE = 128  # of lightness 0 .. 255
-
-_DOUBT = {False: "#d9480f", True: "#ff922b"}
-_CURSOR = {False: "#e03131", True: "#ff6b6b"}
 _LIMBLESS = "#868e96"
-# Told apart by people who lack any one of the three cones
-_COMPONENTS = {False: ("#d55e00", "#00876a", "#3b3fb5"), True: ("#ff9d5c", "#4fd6ad", "#8ea2ff")}
 
 
 class Theme(QObject):
@@ -244,12 +221,12 @@ def prepare_high_dpi() -> None:
 
 def theme_palette(*, dark: bool) -> QPalette:
     """Return the palette of a dark or a light window."""
-    colours = {role: pair[dark] for role, pair in _PALETTE.items()}
+    colours = {QPalette.ColorRole[role]: pair[dark] for role, pair in _COLOURS["palette"].items()}
     palette = QPalette(QColor(colours[_Role.Button]), QColor(colours[_Role.Window]))  # derives the shades of bevels
     for role, colour in colours.items():
         palette.setColor(role, QColor(colour))
     for role in (_Role.WindowText, _Role.Text, _Role.ButtonText, _Role.BrightText, _Role.Link):
-        palette.setColor(QPalette.ColorGroup.Disabled, role, QColor(_FADED[dark]))
+        palette.setColor(QPalette.ColorGroup.Disabled, role, QColor(_COLOURS["others"]["faded"][dark]))
     return palette
 
 
@@ -273,12 +250,12 @@ def colour_of_limb(limb: int, palette: QPalette) -> QColor:
 
 def doubt_colour(palette: QPalette) -> QColor:
     """Return the colour of what is doubtful."""
-    return QColor(_DOUBT[is_dark(palette)])
+    return QColor(_COLOURS["others"]["doubt"][is_dark(palette)])
 
 
 def cursor_colour(palette: QPalette) -> QColor:
     """Return the colour of the line that stands for the frame that is shown."""
-    return QColor(_CURSOR[is_dark(palette)])
+    return QColor(_COLOURS["others"]["cursor"][is_dark(palette)])
 
 
 def component_colour(component: int, palette: QPalette) -> QColor:
@@ -291,7 +268,7 @@ def component_colour(component: int, palette: QPalette) -> QColor:
     palette : QPalette
         Light or dark.
     """
-    return QColor(_COMPONENTS[is_dark(palette)][component % 3])
+    return QColor(list(_COLOURS["components"].values())[component % 3][is_dark(palette)])
 
 
 def blended(colour: QColor, ground: QColor, share: float) -> QColor:

@@ -5,10 +5,8 @@ keys that they need themselves (`KeyKeeper`). Texts are translated in the contex
 ring surrounds what has the focus.
 """
 
-import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 from PySide6.QtCore import QCoreApplication, QEvent, QObject, QRectF, Qt
 from PySide6.QtGui import QAction, QKeyEvent, QKeySequence, QPainter, QPaintEvent, QPalette, QPen
@@ -32,7 +30,8 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from skelgen_gui.widgets.layouts import column, describe
+from skelgen.files import read_table
+from skelgen_gui.widgets.layouts import column, put_texts
 
 _SIZE = (640, 560)  # px, of the dialog
 
@@ -63,7 +62,7 @@ class Command:
     """
 
     id: str
-    menu: str
+    menu: str = ""
     text: str = ""
     key: str = ""
     tip: str = ""
@@ -72,9 +71,7 @@ class Command:
 
 
 COMMANDS = tuple(
-    Command(menu=menu, **entry)
-    for menu, entries in tomllib.loads((Path(__file__).parent / "tables" / "commands.toml").read_text("utf-8")).items()
-    for entry in entries
+    Command(menu=menu, **entry) for menu, entries in read_table(__file__, "commands").items() for entry in entries
 )
 """All commands, in the order of the menus."""
 
@@ -87,7 +84,7 @@ def make_actions(parent: QObject) -> dict[str, QAction]:
     parent : QObject
         Owner of the actions.
     """
-    return {command.id: _action(command, parent) for command in COMMANDS if command.id != SEPARATOR}
+    return {command.id: make_action(command, parent) for command in COMMANDS if command.id != SEPARATOR}
 
 
 def fill_menu_bar(bar: QMenuBar, actions: Mapping[str, QAction]) -> dict[str, QMenu]:
@@ -128,7 +125,16 @@ def fill_tool_bar(bar: QToolBar, actions: Mapping[str, QAction]) -> None:
             bar.addAction(actions[command.id])
 
 
-def _action(command: Command, parent: QObject) -> QAction:
+def make_action(command: Command, parent: QObject) -> QAction:
+    """Return the action of a command.
+
+    Parameters
+    ----------
+    command : Command
+        What it is called, and its keys.
+    parent : QObject
+        Owner of the action.
+    """
     action = QAction(_translated(command.text), parent)
     action.setObjectName(command.id)
     action.setCheckable(command.is_checkable)
@@ -174,8 +180,6 @@ class ShortcutsDialog(QDialog):
         self.resize(*_SIZE)
 
     def _describe(self) -> None:
-        self.search.setPlaceholderText(self.tr("Search"))
-        describe(self.search, self.tr("Search the shortcuts"), self.tr("Part of a command or a key"))
         self.search.setClearButtonEnabled(True)
         self.search.textChanged.connect(self._filter)
         self.table.setHorizontalHeaderLabels([self.tr("Command"), self.tr("Key"), self.tr("What it does")])
@@ -185,8 +189,7 @@ class ShortcutsDialog(QDialog):
         self.table.setSelectionBehavior(QTableWidget.SelectionBehavior.SelectRows)
         self.table.setAlternatingRowColors(True)
         self.table.setTabKeyNavigation(False)
-        self.table.setAccessibleName(self.tr("Keyboard shortcuts"))
-        self.table.setToolTip(self.tr("They hold in the whole window; single letters not while you type in a field"))
+        put_texts(self)
 
     def _add(self, action: QAction) -> None:
         row = self.table.rowCount()

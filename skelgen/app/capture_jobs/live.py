@@ -13,8 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from skelgen.app.capture import capture, read_capture_settings, source_of
-from skelgen.app.capture_jobs.camera_images import camera_images_of
+from skelgen.app.capture import any_source_of, capture
+from skelgen.app.capture_jobs.images import camera_images_of
 from skelgen.app.capture_jobs.messages import (
     ROOM,
     CaptureControl,
@@ -26,14 +26,16 @@ from skelgen.app.capture_jobs.messages import (
     Recorded,
 )
 from skelgen.app.recording import Recording
-from skelgen.app.room import read_rig_settings, room_source_of
+from skelgen.app.room import read_rig_settings
 from skelgen.capture.bodies.prediction import PredictionParameters
 from skelgen.capture.live import Captured, MotionCapture, PointFinder
 from skelgen.capture.room.live import RoomCaptured
+from skelgen.capture.room.points import RoomSource
 from skelgen.capture.room.sources import open_room_source
+from skelgen.capture.sources import open_source
 from skelgen.capture.values import FrameSource
 from skelgen.errors import Cancelled, InputError, SkelgenError
-from skelgen.model.rig import AnySettings, CaptureSettings, RoomSettings
+from skelgen.model.rig import AnySettings
 from skelgen.progress import Monitor
 
 _SPEED_FRAMES = 60
@@ -227,35 +229,20 @@ def open_stream(options: CaptureOptions, *, only_points: bool = False) -> Opened
     is_wanted = options.predicts or options.predicts_joints
     prediction = PredictionParameters(joints=options.predicts_joints) if is_wanted else None
     settings = read_rig_settings(Path(options.settings)) if options.settings else None
-    if isinstance(settings, RoomSettings):
-        room = room_source_of(settings, options.source)
-    elif settings is None and options.source.startswith(ROOM):
-        room = open_room_source(options.source)
-        settings = getattr(room, "settings", None)
-    known, source = (settings, room) if isinstance(settings, RoomSettings) else _open_capture(options)
-    looked_for = replace(known, bodies=(), joints=()) if only_points else known
-    return Opened(known, source.rate, source.n_frames, capture(looked_for, source, prediction=prediction))
-
-
-def _open_capture(options: CaptureOptions) -> tuple[CaptureSettings, FrameSource]:
-    """Settings and source of two cameras that options name."""
-    if options.settings:
-        settings = read_capture_settings(Path(options.settings))
-        return settings, source_of(settings, options.source)
-    if not options.source:
+    source: RoomSource | FrameSource
+    if settings is not None:
+        source = any_source_of(settings, options.source)
+    elif options.source.startswith(ROOM):
+        source = open_room_source(options.source)
+    elif options.source:
+        source = open_source(options.source)
+    else:
         raise InputError("choose a settings file, or the simulated rig, which needs none")
-    source = source_of_text(options.source)
-    own: object = getattr(source, "settings", None)
-    if not isinstance(own, CaptureSettings):
+    known = settings or getattr(source, "settings", None)
+    if known is None:
         raise InputError(
             "of these cameras nothing is known: choose the settings file that their calibration wrote, or calibrate "
             "them on the tab Cameras"
         )
-    return own, source
-
-
-def source_of_text(text: str) -> FrameSource:
-    """Return the source that a text names; errors as `open_source`."""
-    from skelgen.capture.sources import open_source  # noqa: PLC0415 - drivers only where they are wanted
-
-    return open_source(text)
+    looked_for = replace(known, bodies=(), joints=()) if only_points else known
+    return Opened(known, source.rate, source.n_frames, capture(looked_for, source, prediction=prediction))

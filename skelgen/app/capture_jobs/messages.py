@@ -12,13 +12,12 @@ from typing import TYPE_CHECKING, Generic, TypeVar
 
 import numpy as np
 
-from skelgen.app.capture_jobs.camera_images import NO_BODY, CameraImage
+from skelgen.app.capture_jobs.images import NO_BODY, CameraImage
 from skelgen.errors import SkelgenError
 from skelgen.model.arrays import Floats, Ints
 from skelgen.model.rig import AnySettings, CameraRig, StereoRig
 
 if TYPE_CHECKING:
-    from skelgen.capture.calibration.joints import JointMotion
     from skelgen.capture.room.taking import WandProgress
     from skelgen.capture.target_joints import JointAngle
     from skelgen.capture.values import FoundBody, StereoPoints
@@ -115,23 +114,7 @@ class CaptureOptions:
 
 @dataclass(eq=False)
 class CaptureControl:
-    """What the window tells a capture that runs.
-
-    Attributes
-    ----------
-    stop : Event
-        It shall end.
-    record : Path or None
-        The file that shall be recorded now; None records nothing.
-    """
-
-    stop: Event = field(default_factory=Event)
-    record: Path | None = None
-
-
-@dataclass(eq=False)
-class CollectingControl:
-    """What the window tells a job that collects images for a calibration.
+    """What the window tells a job that captures, or that collects images for a calibration.
 
     Attributes
     ----------
@@ -139,10 +122,13 @@ class CollectingControl:
         It shall end.
     keep_next : Event
         The next pair that shows the whole board shall be kept, whether or not it moves or is like others.
+    record : Path or None
+        The file that shall be recorded now; None records nothing.
     """
 
     stop: Event = field(default_factory=Event)
     keep_next: Event = field(default_factory=Event)
+    record: Path | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -244,33 +230,6 @@ class CaptureEnd:
     recorded: tuple[Recorded, ...]
     error: SkelgenError | None
     settings: AnySettings | None
-
-
-@dataclass(frozen=True, eq=False)
-class BoardShot:
-    """What the window shows of one pair of images of a board."""
-
-    left: CameraImage
-    right: CameraImage
-
-
-@dataclass(frozen=True)
-class JointProgress:
-    """How far the collecting of images of joints is.
-
-    Attributes
-    ----------
-    n_frames : int
-        Frames that came.
-    n_found : mapping of str to int
-        In how many of them each target was found, in the order of the settings.
-    motions : tuple of JointMotion
-        How far targets have moved against each other.
-    """
-
-    n_frames: int = 0
-    n_found: Mapping[str, int] = field(default_factory=dict)
-    motions: tuple[JointMotion, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

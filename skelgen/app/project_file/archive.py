@@ -131,8 +131,7 @@ def is_project_file(path: Path | str) -> bool:
     except FormatError:
         return False
     first = head[_NAME_FROM : _NAME_FROM + int.from_bytes(head[_NAME_LENGTH], "little")]
-    is_npz = first.endswith(b".npy") and not first.startswith(_ARRAYS.encode())
-    return head.startswith(_MAGIC) and not is_npz
+    return head.startswith(_MAGIC) and first.startswith(tuple(map(str.encode, (_STRUCTURE, _RUN, _ARRAYS))))
 
 
 def find_result(path: Path | str) -> Path:

@@ -13,9 +13,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from skelgen.capture.bodies import AmbiguousTargetError, BodyFinder, BodyParameters, check_targets, propose_move
+from skelgen.capture.bodies import BodyFinder
+from skelgen.capture.bodies.design import AmbiguousTargetError, check_targets, propose_move
 from skelgen.capture.calibration.joints import LEAST_TURN, thinned
-from skelgen.capture.calibration.verdict import GOOD, REPEAT, USABLE, Verdict, as_sentence
+from skelgen.capture.calibration.verdict import GOOD, REPEAT, USABLE, Row, Verdict, as_sentence, hundredths
+from skelgen.capture.parameters import BodyParameters
 from skelgen.capture.values import FoundBody, StereoPoints
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import N_POSE, moved_pose, slopes_by_motion, vector_from_matrix
@@ -349,3 +351,12 @@ class _PosedShape(NamedTuple):
 
     points: Floats
     poses: Floats
+
+
+def ball_rows(target: BodyTarget) -> list[Row]:
+    """Return where the balls of a target are [mm], by the titles of columns."""
+    balls = zip(target.points.tolist(), np.asarray(target.std).tolist(), strict=True)
+    return [
+        {"ball": number} | {f"{axis} [mm]": hundredths(*pair) for axis, *pair in zip("xyz", place, std, strict=True)}
+        for number, (place, std) in enumerate(balls, start=1)
+    ]

@@ -12,7 +12,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from skelgen.capture.calibration.verdict import GOOD, REPEAT, USABLE, Verdict, as_sentence
+from skelgen.capture.calibration.verdict import GOOD, REPEAT, USABLE, Row, Verdict, as_sentence, hundredths
 from skelgen.capture.calibration.whole_chain import fit_whole_chain
 from skelgen.capture.target_joints import find_angles
 from skelgen.capture.values import FoundBody, JointRequest
@@ -350,3 +350,29 @@ def joint_motion(frames: Sequence[Sequence[FoundBody]], parent: str, child: str)
     vectors = np.rad2deg(vector_from_matrix(turns @ nearest_rotation(turns.mean(axis=0)).T))
     _, axes = np.linalg.eigh(vectors.T @ vectors)
     return JointMotion(parent, child, len(both), vectors @ axes[:, ::-1])
+
+
+def joint_rows(done: JointCalibration) -> list[Row]:
+    """Return where joints are in both targets [mm], by the titles of columns."""
+    return [
+        {
+            "joint": joint.name,
+            "kind": joint.kind,
+            "parent": joint.parent,
+            "child": joint.child,
+            "in parent [mm]": " ".join(place_texts(joint)[0]),
+            "in child [mm]": " ".join(place_texts(joint)[1]),
+            "gap [mm]": round(fit.gap, 2),
+            "frames": len(fit.frames),
+        }
+        for joint, fit in zip(done.joints, done.fits, strict=True)
+    ]
+
+
+def place_texts(joint: TargetJoint) -> tuple[list[str], list[str]]:
+    """Return x, y and z [mm] of a joint in its parent, then in its child."""
+    in_parent, in_child = (
+        [hundredths(*pair) for pair in zip(place.tolist(), std.tolist(), strict=True)]
+        for place, std in zip((joint.parent_from_joint[:3, 3], joint.child_from_joint[:3, 3]), joint.std, strict=True)
+    )
+    return in_parent, in_child

@@ -4,6 +4,7 @@ Each camera is guessed alone, the second is placed by the pair that most others 
 adjusted together: lenses, the cameras' places, the poses of the board.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -22,7 +23,7 @@ from skelgen.capture.calibration.chessboard import (
 from skelgen.capture.calibration.lens import AUTO, LEAST_VIEWS, adjust_lens, guess_camera
 from skelgen.capture.calibration.verdict import PairSeen, Verdict, judge
 from skelgen.capture.images import read_image
-from skelgen.capture.optics import project
+from skelgen.capture.optics import project, triangulate
 from skelgen.capture.values import Image
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import moved_points, nearest_rotation, transform_from, vector_from_matrix
@@ -301,3 +302,76 @@ def _guess_of_pair(
     errors = np.nan_to_num(np.sqrt((shifts**2).sum(axis=-1).mean(axis=-1)), nan=np.inf)
     best = errors.argmin(axis=1)
     return Pairing(eye.camera_from_world, orders[best], errors.min(axis=1))
+
+
+INTRINSIC = ("fx [px]", "fy [px]", "cx [px]", "cy [px]", "k1", "k2", "p1", "p2", "k3")
+"""What the numbers of one camera are called, in the order of `intrinsic` and of the calibration's deviations."""
+
+
+def camera_rows(found: StereoCalibration) -> list[tuple[str, str, str]]:
+    """Return what is measured of both cameras: its name, the left and the right value, each with its deviation."""
+    left, right = (
+        [_with_std(*pair) for pair in zip(intrinsic(eye), std.tolist(), strict=True)]
+        for eye, std in ((found.rig.left, found.left_std), (found.rig.right, found.right_std))
+    )
+    rows = list(zip(INTRINSIC, left, right, strict=True))
+    turn = vector_from_matrix(found.rig.right_from_left[:3, :3])
+    turns = zip("xyz", np.degrees(turn).tolist(), np.degrees(found.rotation_std).tolist(), strict=True)
+    rows += [(f"rotation {axis} [degrees]", "", _with_std(*rest)) for axis, *rest in turns]
+    angle = float(np.degrees(np.linalg.norm(turn)))
+    rows.append(("angle between the cameras [degrees]", "", _with_std(angle, math.degrees(found.turn_std))))
+    shifts = zip("xyz", found.rig.right_from_left[:3, 3].tolist(), found.translation_std.tolist(), strict=True)
+    rows += [(f"translation {axis} [mm]", "", _with_std(*rest)) for axis, *rest in shifts]
+    return [*rows, ("baseline [mm]", "", _with_std(found.rig.baseline, found.baseline_std))]
+
+
+def intrinsic(eye: Camera) -> list[float]:
+    """Return the numbers of one camera in the order of `INTRINSIC`."""
+    return [*eye.matrix[[0, 1, 0, 1], [0, 1, 2, 2]].tolist(), *eye.distortion.tolist()]
+
+
+def _with_std(value: float, std: float) -> str:
+    """Return a value with two digits of its standard deviation, as a text.
+
+    Parameters
+    ----------
+    value : float
+        In any unit.
+    std : float
+        In the same unit; 0 for a value that was not estimated, which is shown alone.
+    """
+    if std == 0:
+        return f"{value:g}"
+    digits = max(0, 1 - math.floor(math.log10(std)))
+    return f"{value:.{digits}f} ± {std:.{digits}f}"
+
+
+def boards_in_space(rig: StereoRig, pairs: Sequence[PairSeen], board: Board) -> tuple[Floats, Ints]:
+    """Return the corners of the boards that a calibration rests on, shape (n, 3), mm, and the board of each.
+
+    Parameters
+    ----------
+    rig : StereoRig
+        The calibrated cameras.
+    pairs : sequence of PairSeen
+        Views of the board; those that were not used are passed over.
+    board : Board
+        The board.
+    """
+    corners = [
+        _corners_in_space(rig, pair.left.corners, pair.right.corners, board)
+        for pair in pairs
+        if pair.is_used and pair.left is not None and pair.right is not None
+    ]
+    points = np.concatenate([np.zeros((0, 3)), *corners])
+    groups = np.repeat(np.arange(len(corners), dtype=np.intp), board.columns * board.rows)
+    is_known = np.isfinite(points).all(axis=1)
+    return points[is_known], groups[is_known]
+
+
+def _corners_in_space(rig: StereoRig, left: Floats, right: Floats, board: Board) -> Floats:
+    """Corners in space; the detector may have begun at another end of the board in one of the images."""
+    tried = [triangulate(rig, left, right[order]).points for order in board.orders]
+    steps = [np.linalg.norm(np.diff(points.reshape(board.rows, -1, 3), axis=1), axis=-1) for points in tried]
+    errors = [float(np.abs(np.nan_to_num(step, nan=np.inf) - board.square).mean()) for step in steps]
+    return tried[int(np.argmin(errors))]

@@ -4,16 +4,18 @@ Calibrations themselves look at all frames once more: what is found here is to b
 """
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Generic, TypeVar
 
 import numpy as np
 
-from skelgen.capture.bodies import BodyFinder, BodyParameters, check_targets
+from skelgen.capture.bodies import BodyFinder
+from skelgen.capture.bodies.design import check_targets
 from skelgen.capture.calibration.body import ENOUGH_FRAMES, first_shape, sure_points
 from skelgen.capture.calibration.joints import LEAST_TURN, JointMotion, joint_motion
+from skelgen.capture.parameters import BodyParameters
 from skelgen.capture.values import FoundBody, StereoPoints
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import vector_from_matrix
@@ -83,6 +85,25 @@ class BodyProgress:
         return self.n_found >= ENOUGH_FRAMES and self.turn >= LEAST_TURN
 
 
+@dataclass(frozen=True)
+class JointProgress:
+    """How far the taking of joints is.
+
+    Attributes
+    ----------
+    n_frames : int
+        Frames that came.
+    n_found : mapping of str to int
+        In how many of them each target was found, in the order of the settings.
+    motions : tuple of JointMotion
+        How far targets have moved against each other.
+    """
+
+    n_frames: int
+    n_found: Mapping[str, int]
+    motions: tuple[JointMotion, ...]
+
+
 class BodyTaking:
     """Takes the frames of a target, and follows it with a shape from one of them.
 
@@ -105,7 +126,7 @@ class BodyTaking:
         beside: Sequence[BodyTarget] = (),
         search: BodyParameters | None = None,
     ) -> None:
-        self._name, self._n_balls, self._beside, self._search = name, n_balls, tuple(beside), search
+        self.names, self._n_balls, self._beside, self._search = [name], n_balls, tuple(beside), search
         self._kept: EvenFrames[StereoPoints] = EvenFrames()
         self._counts: Counter[int] = Counter()
         self._finder: BodyFinder | None = None
@@ -126,8 +147,8 @@ class BodyTaking:
         n_alone = self._counts[n_balls] if n_balls else 0
         return BodyProgress(self._n_frames, n_balls, n_alone, self._n_found, self._turn, self._problem)
 
-    def add(self, points: StereoPoints) -> FoundBody | None:
-        """Take a frame; return the target where it is found in it."""
+    def add(self, points: StereoPoints) -> list[FoundBody]:
+        """Take a frame; return the target if it is found in it."""
         self._kept.add(points)
         self._n_frames += 1
         n_sure = len(sure_points(points))
@@ -137,9 +158,9 @@ class BodyTaking:
         is_whole = is_alone and n_sure == self._typical
         if is_whole and (self._n_tried != n_sure or self._n_missed >= MAX_MISSED):
             self._begin_with(points)
-        found = None if self._finder is None else next(iter(self._finder.find(points)), None)
-        if found is not None:
-            pose = found.world_from_body[:3, :3]
+        found = [] if self._finder is None else self._finder.find(points)
+        if found:
+            pose = found[0].world_from_body[:3, :3]
             self._n_missed = 0
             self._n_found += 1
             if self._first is None:
@@ -161,7 +182,7 @@ class BodyTaking:
         self._n_tried, self._n_missed, self._n_found = len(points), 0, 0
         self._first, self._turn, self._problem = None, 0.0, ""
         try:
-            shape = first_shape(points, self._name)
+            shape = first_shape(points, *self.names)
             check_targets([*self._beside, shape], self._search)
             self._finder = BodyFinder([shape], self._search)
         except InputError as error:
@@ -175,8 +196,6 @@ class JointTaking:
     ----------
     names : list of str
         The targets.
-    n_frames : int
-        Frames that came.
 
     Parameters
     ----------
@@ -184,6 +203,8 @@ class JointTaking:
         All that are looked for.
     search : BodyParameters, optional
         Limits of the search for them.
+    pairs : sequence of tuple of str
+        Pairs of targets whose motion is looked at; all pairs if none is named.
 
     Raises
     ------
@@ -191,11 +212,17 @@ class JointTaking:
         If a target can be taken for another one, or there is only one.
     """
 
-    def __init__(self, targets: Sequence[BodyTarget], search: BodyParameters | None = None) -> None:
+    def __init__(
+        self,
+        targets: Sequence[BodyTarget],
+        search: BodyParameters | None = None,
+        pairs: Sequence[tuple[str, str]] = (),
+    ) -> None:
         if len(targets) < 2:
             raise InputError("joints are between two targets; calibrate these first")
         self.names = [target.name for target in targets]
-        self.n_frames, self._n_found = 0, Counter(dict.fromkeys(self.names, 0))
+        self._pairs = tuple(pairs) or tuple(combinations(self.names, 2))
+        self._n_frames, self._n_found = 0, Counter(dict.fromkeys(self.names, 0))
         self._finder = BodyFinder(targets, search)
         self._kept: EvenFrames[list[FoundBody]] = EvenFrames()
 
@@ -205,19 +232,15 @@ class JointTaking:
         return self._kept.frames
 
     @property
-    def n_found(self) -> dict[str, int]:
-        """In how many frames each target was found."""
-        return dict(self._n_found)
+    def progress(self) -> JointProgress:
+        """How far it is."""
+        motions = tuple(joint_motion(self.frames, *pair) for pair in self._pairs)
+        return JointProgress(self._n_frames, dict(self._n_found), motions)
 
     def add(self, points: StereoPoints) -> list[FoundBody]:
         """Take a frame; return the targets that are found in it."""
         found = self._finder.find(points)
-        self.n_frames += 1
+        self._n_frames += 1
         self._n_found.update(body.name for body in found)
         self._kept.add(found)
         return found
-
-    def motions(self, pairs: Sequence[tuple[str, str]] = ()) -> list[JointMotion]:
-        """Return how far the targets of some pairs have moved against each other; of all pairs if none is named."""
-        frames = self.frames
-        return [joint_motion(frames, *pair) for pair in pairs or combinations(self.names, 2)]

@@ -1,6 +1,6 @@
 """What a calibration is worth, in plain words: good, usable or to be repeated, and what would make it better."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,6 +36,21 @@ class Verdict:
 def as_sentence(words: str) -> str:
     """Return a notice as a sentence: with a capital, and a full stop."""
     return f"{words[:1].upper()}{words[1:]}{'' if words.endswith('.') else '.'}"
+
+
+Row = Mapping[str, str | int | float]
+"""Texts and numbers by the titles of columns."""
+
+
+def hundredths(value: float, std: float) -> str:
+    """Return a value in hundredths, with its standard deviation if it was estimated.
+
+    Parameters
+    ----------
+    value, std : float
+        Both in one unit; a deviation of 0 was not estimated.
+    """
+    return f"{value:.2f} ± {std:.2f}" if std > 0 else f"{value:.2f}"
 
 
 GOOD_RMS, USABLE_RMS = 0.3, 1.0

@@ -16,7 +16,7 @@ from itertools import combinations
 import numpy as np
 from scipy.spatial import cKDTree
 
-from skelgen.capture.bodies.finder import table_of_target
+from skelgen.capture.bodies import table_of_target
 from skelgen.capture.markers.candidates import Candidates, FrameCandidates, frames_of
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.model.rig import BodyTarget

@@ -15,8 +15,8 @@ from skelgen.capture.calibration.verdict import GOOD, REPEAT, USABLE, Verdict
 from skelgen.capture.optics import in_image
 from skelgen.capture.room.boards import AnyBoard, board_start
 from skelgen.capture.room.bundles import adjust_room
+from skelgen.capture.room.points import Views
 from skelgen.capture.room.start import LEAST_SHARED, LENS, placed_in, start_values
-from skelgen.capture.room.values import Views
 from skelgen.capture.room.wand_and_ground import FEWEST_CAMERAS, check_wand, wand_views
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import cross_matrix

@@ -12,10 +12,9 @@ import numpy as np
 
 from skelgen.capture.bodies.prediction import PredictionParameters
 from skelgen.capture.live import Recognised, Recogniser
-from skelgen.capture.room.recording import BallFinder
+from skelgen.capture.room.points import BallFinder, FrameSet
+from skelgen.capture.room.recording import FEWEST_BALLS, LEAST_FIT
 from skelgen.capture.room.tracks import RoomTracker
-from skelgen.capture.room.values import FrameSet
-from skelgen.capture.room.watch import FEWEST_BALLS, LEAST_FIT
 from skelgen.capture.values import Balls, Image
 from skelgen.model.arrays import Ints
 from skelgen.model.rig import RoomSettings

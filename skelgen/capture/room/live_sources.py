@@ -5,14 +5,21 @@ Sources of several kinds run as one: folders beside videos, cameras of one drive
 
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
+from importlib import import_module
 from itertools import zip_longest
-from pathlib import Path
 from typing import Self
 
-from skelgen.capture.room.values import FrameSet, RoomSource
-from skelgen.capture.sources.options import CameraOptions, FireWireOptions, GenicamOptions, SourceText
-from skelgen.capture.sources.pairs import LiveCamera, LiveCameras, Opener, Shot, shared_rate, with_rate
+from skelgen.capture.room.points import FrameSet, RoomSource
+from skelgen.capture.sources.options import CameraOptions, SourceText
+from skelgen.capture.sources.pairs import LiveCamera, LiveCameras, Opener, Shot, lost_between, shared_rate
 from skelgen.errors import CaptureError
+
+EXAMPLES = {
+    "firewire": "firewire:GUID1,GUID2,GUID3",
+    "gige": "gige:10.0.0.2,10.0.0.3,10.0.0.4",
+    "gentl": "gentl:producer.cti,one,two,three",
+}
+"""How cameras of each driver are named."""
 
 
 class LiveSets(LiveCameras):
@@ -57,7 +64,7 @@ class LiveSets(LiveCameras):
             shots = self._next()
             time = min(shot.time for shot in shots if shot is not None)
             first = time if first is None else first
-            lost = 0 if before is None or not self.rate else max(round((time - before) * self.rate) - 1, 0)
+            lost = lost_between(before, time, self.rate)
             before, index = time, index + 1 + lost
             images = tuple(None if shot is None else shot.image for shot in shots)
             yield FrameSet(images, time - first, index, lost)
@@ -97,39 +104,25 @@ class LiveSets(LiveCameras):
                 )
 
 
-def _named(text: SourceText, places: tuple[str, ...], example: str) -> tuple[str, ...]:
-    if len(set(places)) != len(places) or not places:
-        raise CaptureError(f"{text}: names {len(set(places))} cameras; name each once, in their order, as {example}")
-    return places
+def open_live_sets(text: SourceText, options: CameraOptions) -> LiveSets:
+    """Return cameras of one driver; they are opened when the source is entered.
 
+    Parameters
+    ----------
+    text : SourceText
+        Names each camera, in their order.
+    options : CameraOptions
+        How they are to run.
 
-def open_gige_sets(text: SourceText) -> LiveSets:
-    """Return cameras on the network; they are opened when the source is entered."""
-    from skelgen.capture.sources.gige import open_gige  # noqa: PLC0415 - each driver as it is needed
-
-    options = GenicamOptions.from_mapping(text.options, str(text))
-    names = _named(text, text.places, "gige:10.0.0.2,10.0.0.3,10.0.0.4")
-    return LiveSets(str(text), names, lambda stack: with_rate(open_gige(stack, names, options)), options)
-
-
-def open_gentl_sets(text: SourceText) -> LiveSets:
-    """Return cameras of a producer; they are opened when the source is entered."""
-    from skelgen.capture.sources.gentl import open_gentl  # noqa: PLC0415
-
-    options = GenicamOptions.from_mapping(text.options, str(text))
-    names = _named(text, text.places[1:], "gentl:producer.cti,one,two,three")
-    producer = Path(text.places[0])
-    return LiveSets(str(text), names, lambda stack: with_rate(open_gentl(stack, producer, names, options)), options)
-
-
-def open_firewire_sets(text: SourceText) -> LiveSets:
-    """Return cameras on an IEEE 1394 bus; they are opened when the source is entered."""
-    from skelgen.capture.sources.firewire.bus import guid_of, open_firewire  # noqa: PLC0415
-
-    options = FireWireOptions.from_mapping(text.options, str(text))
-    names = _named(text, text.places, "firewire:GUID1,GUID2,GUID3")
-    numbers = tuple(guid_of(name) for name in names)
-    return LiveSets(str(text), names, lambda stack: open_firewire(stack, numbers, options), options)
+    Raises
+    ------
+    CaptureError
+        If the text names no camera, or one twice.
+    """
+    driver, count = import_module(f"skelgen.capture.sources.{text.kind}"), len(set(text.cameras))
+    if count != len(text.cameras) or not count:
+        raise CaptureError(f"{text}: names {count} cameras; name each once, in their order, as {EXAMPLES[text.kind]}")
+    return LiveSets(str(text), text.cameras, driver.opener(text.places, options), options)
 
 
 class RecordedTogether:

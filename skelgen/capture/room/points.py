@@ -1,16 +1,140 @@
-"""From the balls of all images to points, over all cameras at once; see `skelgen._kernels.room_matching`."""
+"""What the steps of a capture by many cameras hand on, and how balls and points are found in all images."""
+
+import os
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import Executor, ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Protocol, Self, TypeVar
 
 import numpy as np
 
 from skelgen._kernels.room_limbs import place_by_balls
 from skelgen._kernels.room_matching import Rules, match_room
 from skelgen._kernels.room_points import Room
+from skelgen.capture.detection import correct_eccentricity, detect_balls
 from skelgen.capture.optics import GATE, undistort, view_of
-from skelgen.capture.room.values import RoomPoints, Views
+from skelgen.capture.parameters import DetectionParameters
+from skelgen.capture.values import Balls, Image, StereoPoints
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import cross_matrix
-from skelgen.model.arrays import Bools, Floats
-from skelgen.model.rig import Camera, CameraRig
+from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.model.rig import Camera, CameraRig, RoomSettings
+from skelgen.progress import SILENT, Monitor, with_progress
+
+
+@dataclass(frozen=True, eq=False)
+class FrameSet:
+    """One moment seen by all cameras.
+
+    Attributes
+    ----------
+    images : tuple of ndarray of uint8, shape (height, width), or None
+        Grey images in the order of the cameras; None where one was lost.
+    time : float, s
+        Since the first set.
+    index : int
+        Number of the set since the source was opened, lost ones counted.
+    dropped : int
+        Sets that were lost before this one.
+    """
+
+    images: tuple[Image | None, ...]
+    time: float
+    index: int
+    dropped: int = 0
+
+
+class RoomSource(Protocol):
+    """What delivers sets of images; a context manager, iterated once."""
+
+    name: str
+    rate: float | None
+    cameras: tuple[str, ...]
+
+    @property
+    def n_frames(self) -> int | None:
+        """Number of sets; None if it does not end by itself."""
+
+    def __enter__(self) -> Self:
+        """Open files or cameras."""
+
+    def __exit__(self, *exception: object) -> None:
+        """Close them."""
+
+    def __iter__(self) -> Iterator[FrameSet]:
+        """Deliver the sets in the order of their times."""
+
+
+@dataclass(frozen=True, eq=False)
+class RoomPoints:
+    """Points in space from the images of one moment, the surest first; no ball belongs to two.
+
+    Attributes
+    ----------
+    points : ndarray, shape (n_points, 3), mm
+        In the rig's world.
+    covariance : ndarray, shape (n_points, 3, 3), mm^2
+        From the noise in all images.
+    balls : ndarray of intp, shape (n_points, n_cameras)
+        The ball of each camera that sees the point; -1 of the others.
+    misfit : ndarray, shape (n_points,)
+        Root mean square misfit of its balls by degree of freedom, in standard deviations: 1 on average.
+    evidence : ndarray, shape (n_points,)
+        How much more likely it is a marker than chance [nats].
+    """
+
+    points: Floats
+    covariance: Floats
+    balls: Ints
+    misfit: Floats
+    evidence: Floats
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    @property
+    def n_cameras(self) -> Ints:
+        """How many cameras see each point, shape (n_points,)."""
+        return np.asarray((self.balls >= 0).sum(axis=1))
+
+    def of(self, chosen: Bools | Ints) -> "RoomPoints":
+        """Return some of the points."""
+        return RoomPoints(*(getattr(self, name)[chosen] for name in self.__dataclass_fields__))
+
+    def and_also(self, others: "RoomPoints") -> "RoomPoints":
+        """Return these points, and others after them."""
+        names = self.__dataclass_fields__
+        return RoomPoints(*(np.concatenate([getattr(self, name), getattr(others, name)]) for name in names))
+
+    def as_stereo(self, noise: float) -> StereoPoints:
+        """Return points of which no two share a ball, as the search for bodies needs them.
+
+        Parameters
+        ----------
+        noise : float, px
+            Of the balls, by which misfits are distances in images.
+        """
+        numbers, shared = np.arange(len(self)), np.zeros(len(self), dtype=np.bool_)
+        return StereoPoints(self.points, self.covariance, numbers, numbers, noise * self.misfit, shared)
+
+
+def balls_at(centres: Floats, std: float) -> Balls:
+    """Return balls at known places, as a detection would find them.
+
+    Parameters
+    ----------
+    centres : ndarray, shape (n_balls, 2), px
+        Where they are.
+    std : float, px
+        Standard deviation of a centre along one axis.
+    """
+    n = len(centres)
+    return Balls(centres, np.full(n, 30.0), np.full(n, 3900.0), np.full(n, std), np.zeros(n, dtype=np.bool_))
+
+
+Views = Sequence[Balls]
+"""What all cameras see at one moment, in their order."""
+
 
 EVIDENCE = 6.0
 """Nats of each number that a point explains: chance spreads balls over 400 times their noise."""
@@ -67,7 +191,7 @@ class PointMatcher:
         --------
         >>> from skelgen.capture.optics import project
         >>> from skelgen.capture.room.simulated import room_rig
-        >>> from skelgen.capture.room.values import balls_at
+        >>> from skelgen.capture.room.points import balls_at
         >>> rig, place = room_rig(4), np.array([[100.0, 200.0, 900.0]])
         >>> views = [balls_at(project(camera, place), 0.05) for camera in rig.cameras]
         >>> found = PointMatcher(rig).find(views)
@@ -119,3 +243,136 @@ def _rays_of_border(camera: Camera) -> Floats:
     border += [np.stack(np.broadcast_arrays(a, b), axis=-1) for a in (x,) for b in (y[0], y[-1])]
     rays = undistort(camera, np.concatenate(border))
     return np.concatenate([np.nanmin(rays, axis=0), np.nanmax(rays, axis=0)])
+
+
+_Seen = TypeVar("_Seen")
+
+
+class BallFinder:
+    """Images of all cameras to balls.
+
+    Parameters
+    ----------
+    settings : RoomSettings
+        The cameras, and the parameters of the detection.
+    executor : Executor, optional
+        Threads for the images.
+    """
+
+    def __init__(self, settings: RoomSettings, executor: Executor | None = None) -> None:
+        self.rig, self._executor = settings.rig, executor
+        self._parameters = DetectionParameters.from_mapping(settings.detection, "detection")
+
+    def find(self, frame: FrameSet) -> list[Balls]:
+        """Return the balls that each camera shows; none where an image was lost.
+
+        Raises
+        ------
+        InputError
+            If there are not as many images as cameras, or one has another size than its camera.
+        """
+        cameras = self.rig.cameras
+        if len(frame.images) != len(cameras):
+            raise InputError(
+                f"the source has {len(frame.images)} cameras, and the settings have {len(cameras)}: "
+                f"{', '.join(self.rig.names)}"
+            )
+        run = map if self._executor is None else self._executor.map
+        return list(run(self._balls, frame.images, cameras))
+
+    def _balls(self, image: Image | None, camera: Camera) -> Balls:
+        if image is None:
+            return balls_at(np.empty((0, 2)), self.rig.noise)
+        height, width = image.shape
+        if (width, height) != camera.size:
+            raise InputError(
+                f"{camera.name} sends {width} x {height} pixels, and its calibration is for {camera.width} x "
+                f"{camera.height}: set it to that size, or calibrate again"
+            )
+        return correct_eccentricity(camera, detect_balls(image, self._parameters))
+
+
+def balls_of(source: RoomSource, monitor: Monitor = SILENT) -> tuple[list[list[Balls]], list[tuple[int, int]]]:
+    """Return the balls of all images of a source before its cameras are calibrated, and the cameras' sizes.
+
+    Parameters
+    ----------
+    source : RoomSource
+        Not yet entered.
+    monitor : Monitor
+        Reports how many sets are done; may cancel.
+
+    Raises
+    ------
+    InputError
+        If a camera has no image at all, or images of two sizes.
+    """
+    return all_seen(source, seen_in(source, detected_balls, monitor))
+
+
+_FrameSeen = tuple[list[_Seen], list[tuple[int, int] | None]]
+"""What was found in the images of a moment, and their sizes."""
+
+
+def all_seen(
+    source: RoomSource, frames: Iterable[_FrameSeen[_Seen]]
+) -> tuple[list[list[_Seen]], list[tuple[int, int]]]:
+    """Return what was found in all images, and the cameras' sizes.
+
+    Parameters
+    ----------
+    source : RoomSource
+        Where they come from.
+    frames : iterable
+        From `seen_in`.
+
+    Raises
+    ------
+    InputError
+        If a camera has no image at all, or images of two sizes.
+    """
+    kept: list[list[_Seen]] = []
+    found: list[set[tuple[int, int]]] = [set() for _ in source.cameras]
+    for seen, sizes in frames:
+        kept.append(seen)
+        for sizes_of, size in zip(found, sizes, strict=True):
+            if size is not None:
+                sizes_of.add(size)
+    for name, sizes_of in zip(source.cameras, found, strict=True):
+        if len(sizes_of) != 1:
+            what = "has no image" if not sizes_of else "has images of several sizes"
+            raise InputError(f"{name} {what}: see that it is switched on and set to one size")
+    return kept, [sizes_of.pop() for sizes_of in found]
+
+
+def seen_in(
+    source: RoomSource, look: Callable[[Image | None], _Seen], monitor: Monitor = SILENT
+) -> Iterator[_FrameSeen[_Seen]]:
+    """Yield what is found in the images of a source, camera by camera, and their sizes; Ctrl-C ends it.
+
+    Parameters
+    ----------
+    source : RoomSource
+        Not yet entered.
+    look : callable
+        Finds it in an image, which is None where it was lost.
+    monitor : Monitor
+        Reports how many sets are done; may cancel.
+    """
+    monitor.begin("images")
+    n_seen = 0
+    with ThreadPoolExecutor(os.cpu_count() or 1, "images") as threads, source as sets:
+        try:
+            for frame in with_progress(sets, source.n_frames or 0, monitor):
+                sizes = [None if image is None else (image.shape[1], image.shape[0]) for image in frame.images]
+                yield list(threads.map(look, frame.images)), sizes
+                n_seen += 1
+        except KeyboardInterrupt:
+            if not n_seen or source.n_frames is not None:
+                raise
+            monitor.notice(f"stopped after {n_seen} sets of images; these are used")
+
+
+def detected_balls(image: Image | None) -> Balls:
+    """Return the balls in an image of a camera that is not calibrated; none where it was lost."""
+    return balls_at(np.empty((0, 2)), 1.0) if image is None else detect_balls(image, DetectionParameters())

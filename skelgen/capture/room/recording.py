@@ -1,160 +1,171 @@
-"""From the images of many cameras to balls, and to the unlabelled markers of a whole recording."""
+"""The unlabelled markers of a whole recording, and which cameras fit the others no more: moved, exchanged, late."""
 
 import os
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Executor, ThreadPoolExecutor
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from itertools import islice
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial import cKDTree
 
-from skelgen.capture.detection import correct_eccentricity, detect_balls
-from skelgen.capture.parameters import DetectionParameters
+from skelgen.capture.optics import in_image, project
+from skelgen.capture.room.points import BallFinder, RoomPoints, RoomSource, Views
 from skelgen.capture.room.tracks import RoomTracker
-from skelgen.capture.room.values import FrameSet, RoomPoints, RoomSource, Views, balls_at
-from skelgen.capture.room.watch import FitCounter
-from skelgen.capture.values import Balls, Image, n_to_take
+from skelgen.capture.room.wand_and_ground import FEWEST_CAMERAS
+from skelgen.capture.values import n_to_take
 from skelgen.errors import InputError
 from skelgen.model import PointCloud
-from skelgen.model.arrays import Floats, Ints
+from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.model.rig import Camera, CameraRig, RoomSettings
 from skelgen.progress import SILENT, Monitor, with_progress
 
+SAMPLE = 200
+"""Frames that are kept to find out what is wrong."""
+
+FEWEST_BALLS = 50
+"""Balls of a camera, over all frames, without which it is not judged."""
+
+LEAST_FIT, EXPLAINED = 0.3, 0.25
+"""Parts of a camera's balls that fit points: below the first it is suspected; a cause explains it
+if more than the second fit then, as chance makes three in a hundred fit."""
+
+NEAR = 3.0
+"""px; how near a ball must be to where a point is expected."""
+
+MOST_LATE = 20
+"""Frames that a camera is tried to be late or early."""
+
+FARTHEST, BIN, WIDTH = 120.0, 6.0, 1280.0
+"""px; largest shift of a moved camera's images that is tried, its steps, and the width of images that both hold for."""
+
+_FLIPS = {"mirrored left to right": (-1.0, 1.0), "mirrored top to bottom": (1.0, -1.0), "upside down": (-1.0, -1.0)}
+
+
+class FitCounter:
+    """Counts of each camera how many of its balls are part of points.
+
+    Parameters
+    ----------
+    rig : CameraRig
+        The cameras of the settings.
+    """
+
+    def __init__(self, rig: CameraRig) -> None:
+        self._rig = rig
+        self._balls, self._fitting = np.zeros(len(rig.cameras)), np.zeros(len(rig.cameras))
+        self._views: list[list[Floats]] = []
+        self._points: list[Floats] = []
+        self._made_by: list[Bools] = []
+
+    def add(self, views: Views, points: RoomPoints) -> None:
+        """Count a frame.
+
+        Parameters
+        ----------
+        views : sequence of Balls
+            What each camera sees.
+        points : RoomPoints
+            What was made of it.
+        """
+        self._balls += [len(balls) for balls in views]
+        self._fitting += (points.balls >= 0).sum(axis=0)
+        if len(self._views) < SAMPLE:
+            self._views.append([balls.centres for balls in views])
+            self._points.append(points.points)
+            self._made_by.append(np.asarray(points.balls >= 0))
+
+    def notices(self) -> Iterator[str]:
+        """Yield a sentence of each camera that does not fit the others."""
+        share = self._fitting / np.maximum(self._balls, 1)
+        bad = np.flatnonzero((share < LEAST_FIT) & (self._balls >= FEWEST_BALLS)).tolist()
+        good = np.setdiff1d(np.arange(len(share)), bad)
+        sure = [
+            points[made_by[:, good].sum(axis=1) >= FEWEST_CAMERAS] if len(good) >= FEWEST_CAMERAS else points
+            for points, made_by in zip(self._points, self._made_by, strict=True)
+        ]
+        for camera in bad:
+            yield self._why(camera, float(share[camera]), sure)
+
+    def _why(self, camera: int, share: float, sure: list[Floats]) -> str:
+        """What is wrong with a camera, judged by the points that the other cameras found."""
+        eye, own = self._rig.cameras[camera], [views[camera] for views in self._views]
+        name, middle = eye.name, (np.array(eye.size) - 1) / 2
+        reasons = {
+            f"{name} sends the images of {other.name}: exchange their cables, or their names in the settings": (
+                _explained(other, own, sure)
+            )
+            for index, other in enumerate(self._rig.cameras)
+            if index != camera
+        }
+        for how, signs in _FLIPS.items():
+            flipped = [(balls - middle) * signs + middle for balls in own]
+            why = f"the images of {name} are {how}: set its driver as it was when it was calibrated"
+            reasons[why] = _explained(eye, flipped, sure)
+        for late in range(-MOST_LATE, MOST_LATE + 1):
+            word = "late" if late > 0 else "early"
+            why = f"the images of {name} are {abs(late)} frames {word}: trigger all cameras by one line"
+            reasons[why] = _explained(eye, own, sure, late) if late else 0.0
+        best = max(reasons, key=lambda why: reasons[why])
+        if reasons[best] > EXPLAINED:
+            return best
+        shift, part = _shifted(eye, own, sure)
+        if part > LEAST_FIT:
+            far = float(np.hypot(*shift))
+            return f"{name} looks {far:.0f} px aside of where it was calibrated: it was moved; calibrate again"
+        return (
+            f"only {100 * share:.0f} % of the balls of {name} fit those of the other cameras: it was moved far, or its "
+            "settings are those of another camera; calibrate again"
+        )
+
+
+def _explained(eye: Camera, own: list[Floats], sure: list[Floats], late: int = 0) -> float:
+    """How many of the balls lie where a camera would see points: 1 if all do exactly."""
+    n_points = n_balls = 0
+    fitting = 0.0
+    for frame, points in enumerate(sure):
+        if not 0 <= frame + late < len(own):
+            continue
+        expected, balls = _in_view(eye, points), own[frame + late]
+        n_points, n_balls = n_points + len(expected), n_balls + len(balls)
+        fitting += _fitting(balls, expected, NEAR)
+    return fitting / min(n_points, n_balls) if min(n_points, n_balls) >= FEWEST_BALLS else 0.0
+
+
+def _fitting(balls: Floats, expected: Floats, near: float) -> float:
+    """How many balls are where points are expected; those that are off count for less."""
+    if not len(expected) or not len(balls):
+        return 0.0
+    off = cKDTree(expected).query(balls)[0] / near
+    return float(np.maximum(1.0 - off**2, 0.0).sum())
+
+
+def _shifted(eye: Camera, own: list[Floats], sure: list[Floats]) -> tuple[Floats, float]:
+    """By how much the balls lie aside of points [px], and which part of them does."""
+    scale = eye.width / WIDTH
+    farthest, step = FARTHEST * scale, BIN * scale
+    gaps, expected = [np.empty((0, 2))], [_in_view(eye, points) for points in sure]
+    for places, balls in zip(expected, own, strict=True):
+        off = (balls[:, np.newaxis] - places).reshape(-1, 2)
+        gaps.append(off[(np.abs(off) <= farthest).all(axis=1)])
+    edges = np.arange(-farthest, farthest + step, step)
+    across, down = np.concatenate(gaps).T
+    counts = np.histogram2d(across, down, bins=(edges, edges))[0]
+    best = np.unravel_index(counts.argmax(), counts.shape)
+    shift = np.array([edges[best[0]], edges[best[1]]]) + step / 2
+    fitting = sum(_fitting(balls - shift, places, 1.5 * step) for balls, places in zip(own, expected, strict=True))
+    n_most = min(sum(map(len, own)), sum(map(len, expected)))
+    return shift, fitting / max(n_most, 1)
+
+
+def _in_view(eye: Camera, points: Floats) -> Floats:
+    pixels = project(eye, points)
+    return np.asarray(pixels[in_image(eye, pixels)])
+
+
 MANY_LOST = 0.001
 """Part of a camera's images that are lost above which a notice says so."""
-
-_Seen = TypeVar("_Seen")
-
-
-class BallFinder:
-    """Images of all cameras to balls.
-
-    Parameters
-    ----------
-    settings : RoomSettings
-        The cameras, and the parameters of the detection.
-    executor : Executor, optional
-        Threads for the images.
-    """
-
-    def __init__(self, settings: RoomSettings, executor: Executor | None = None) -> None:
-        self.rig, self._executor = settings.rig, executor
-        self._parameters = DetectionParameters.from_mapping(settings.detection, "detection")
-
-    def find(self, frame: FrameSet) -> list[Balls]:
-        """Return the balls that each camera shows; none where an image was lost.
-
-        Raises
-        ------
-        InputError
-            If there are not as many images as cameras, or one has another size than its camera.
-        """
-        cameras = self.rig.cameras
-        if len(frame.images) != len(cameras):
-            raise InputError(
-                f"the source has {len(frame.images)} cameras, and the settings have {len(cameras)}: "
-                f"{', '.join(self.rig.names)}"
-            )
-        run = map if self._executor is None else self._executor.map
-        return list(run(self._balls, frame.images, cameras))
-
-    def _balls(self, image: Image | None, camera: Camera) -> Balls:
-        if image is None:
-            return balls_at(np.empty((0, 2)), self.rig.noise)
-        height, width = image.shape
-        if (width, height) != camera.size:
-            raise InputError(
-                f"{camera.name} sends {width} x {height} pixels, and its calibration is for {camera.width} x "
-                f"{camera.height}: set it to that size, or calibrate again"
-            )
-        return correct_eccentricity(camera, detect_balls(image, self._parameters))
-
-
-def balls_of(source: RoomSource, monitor: Monitor = SILENT) -> tuple[list[list[Balls]], list[tuple[int, int]]]:
-    """Return the balls of all images of a source before its cameras are calibrated, and the cameras' sizes.
-
-    Parameters
-    ----------
-    source : RoomSource
-        Not yet entered.
-    monitor : Monitor
-        Reports how many sets are done; may cancel.
-
-    Raises
-    ------
-    InputError
-        If a camera has no image at all, or images of two sizes.
-    """
-    return all_seen(source, seen_in(source, detected_balls, monitor))
-
-
-_FrameSeen = tuple[list[_Seen], list[tuple[int, int] | None]]
-"""What was found in the images of a moment, and their sizes."""
-
-
-def all_seen(
-    source: RoomSource, frames: Iterable[_FrameSeen[_Seen]]
-) -> tuple[list[list[_Seen]], list[tuple[int, int]]]:
-    """Return what was found in all images, and the cameras' sizes.
-
-    Parameters
-    ----------
-    source : RoomSource
-        Where they come from.
-    frames : iterable
-        From `seen_in`.
-
-    Raises
-    ------
-    InputError
-        If a camera has no image at all, or images of two sizes.
-    """
-    kept: list[list[_Seen]] = []
-    found: list[set[tuple[int, int]]] = [set() for _ in source.cameras]
-    for seen, sizes in frames:
-        kept.append(seen)
-        for sizes_of, size in zip(found, sizes, strict=True):
-            if size is not None:
-                sizes_of.add(size)
-    for name, sizes_of in zip(source.cameras, found, strict=True):
-        if len(sizes_of) != 1:
-            what = "has no image" if not sizes_of else "has images of several sizes"
-            raise InputError(f"{name} {what}: see that it is switched on and set to one size")
-    return kept, [sizes_of.pop() for sizes_of in found]
-
-
-def seen_in(
-    source: RoomSource, look: Callable[[Image | None], _Seen], monitor: Monitor = SILENT
-) -> Iterator[_FrameSeen[_Seen]]:
-    """Yield what is found in the images of a source, camera by camera, and their sizes; Ctrl-C ends it.
-
-    Parameters
-    ----------
-    source : RoomSource
-        Not yet entered.
-    look : callable
-        Finds it in an image, which is None where it was lost.
-    monitor : Monitor
-        Reports how many sets are done; may cancel.
-    """
-    monitor.begin("images")
-    n_seen = 0
-    with ThreadPoolExecutor(os.cpu_count() or 1, "images") as threads, source as sets:
-        try:
-            for frame in with_progress(sets, source.n_frames or 0, monitor):
-                sizes = [None if image is None else (image.shape[1], image.shape[0]) for image in frame.images]
-                yield list(threads.map(look, frame.images)), sizes
-                n_seen += 1
-        except KeyboardInterrupt:
-            if not n_seen or source.n_frames is not None:
-                raise
-            monitor.notice(f"stopped after {n_seen} sets of images; these are used")
-
-
-def detected_balls(image: Image | None) -> Balls:
-    """Return the balls in an image of a camera that is not calibrated; none where it was lost."""
-    return balls_at(np.empty((0, 2)), 1.0) if image is None else detect_balls(image, DetectionParameters())
 
 
 def markers_of_room(

@@ -4,7 +4,7 @@ A camera whose image is lost delivers None; the others go on.
 """
 
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import ClassVar
@@ -13,14 +13,8 @@ import numpy as np
 
 from skelgen.capture.calibration.chessboard import Board
 from skelgen.capture.images import IMAGE_SUFFIXES, read_image
-from skelgen.capture.room.live_sources import (
-    LiveSets,
-    RecordedTogether,
-    open_firewire_sets,
-    open_gentl_sets,
-    open_gige_sets,
-    run_together,
-)
+from skelgen.capture.room.live_sources import EXAMPLES, LiveSets, RecordedTogether, open_live_sets, run_together
+from skelgen.capture.room.points import FrameSet, RoomSource
 from skelgen.capture.room.simulated import (
     RoomScene,
     board_poses,
@@ -30,11 +24,13 @@ from skelgen.capture.room.simulated import (
     room_rig,
     wand_scene,
 )
-from skelgen.capture.room.values import FrameSet, RoomSource
-from skelgen.capture.simulated_rig import RenderParameters, board_image, render_view
+from skelgen.capture.simulated_rig import render_view
+from skelgen.capture.simulated_rig.board import board_image
 from skelgen.capture.simulated_rig.scene import joints_of, targets_of
+from skelgen.capture.simulated_rig.view import RenderParameters
+from skelgen.capture.sources import SourceKind, open_by_kind
 from skelgen.capture.sources.images import natural_order
-from skelgen.capture.sources.options import FileOptions, SourceText, VideoOptions, parse_source
+from skelgen.capture.sources.options import FileOptions, FireWireOptions, GenicamOptions, SourceText, VideoOptions
 from skelgen.capture.sources.video import OpenVideos
 from skelgen.capture.values import Image, NothingToOpen
 from skelgen.errors import CaptureError, InputError
@@ -220,16 +216,15 @@ class SimulatedBoards(SimulatedRoom):
             yield FrameSet(tuple(images), frame / self.scene.rate, frame)
 
 
-def _open_folder(text: SourceText) -> RoomSource:
-    return FolderSets(Path(text.place), FileOptions.from_mapping(text.options, str(text)))
+def _open_folder(text: SourceText, options: FileOptions) -> RoomSource:
+    return FolderSets(Path(text.place), options)
 
 
-def _open_videos(text: SourceText) -> RoomSource:
-    return VideoSets(tuple(map(Path, text.places)), VideoOptions.from_mapping(text.options, str(text)))
+def _open_videos(text: SourceText, options: VideoOptions) -> RoomSource:
+    return VideoSets(tuple(map(Path, text.places)), options)
 
 
-def _open_room(text: SourceText) -> RoomSource:
-    options = RoomOptions.from_mapping(text.options, str(text))
+def _open_room(text: SourceText, options: RoomOptions) -> RoomSource:
     rig = room_rig(int(options.cameras), (int(options.width), int(options.width) * 3 // 4))
     n_frames, seed, rate = int(options.frames), int(options.seed), float(options.rate)
     if text.place == "wand":
@@ -256,15 +251,14 @@ def _alone(scene: RoomScene, arm: Structure, names: str) -> RoomScene:
 
 
 _BESIDE = re.compile(r"\+(?=(?:folder|video|firewire|gige|gentl|room):)")
-ROOM_SOURCES: Mapping[str, tuple[str, Callable[[SourceText], RoomSource]]] = {
-    "folder": ("folder:recording", _open_folder),
-    "video": ("video:one.avi,two.avi,three.avi", _open_videos),
-    "firewire": ("firewire:GUID1,GUID2,GUID3", open_firewire_sets),
-    "gige": ("gige:10.0.0.2,10.0.0.3,10.0.0.4", open_gige_sets),
-    "gentl": ("gentl:producer.cti,one,two,three", open_gentl_sets),
-    "room": ("room:human?cameras=8", _open_room),
-}
-"""Kinds of sources, with an example of each."""
+_KINDS: tuple[SourceKind[RoomSource], ...] = (
+    SourceKind("folder", "folder:recording", "", FileOptions, _open_folder),
+    SourceKind("video", "video:one.avi,two.avi,three.avi", "", VideoOptions, _open_videos),
+    SourceKind("firewire", EXAMPLES["firewire"], "", FireWireOptions, open_live_sets),
+    SourceKind("gige", EXAMPLES["gige"], "", GenicamOptions, open_live_sets),
+    SourceKind("gentl", EXAMPLES["gentl"], "", GenicamOptions, open_live_sets),
+    SourceKind("room", "room:human?cameras=8", "", RoomOptions, _open_room),
+)
 
 
 def open_room_source(text: str, *, from_file: bool = False) -> RoomSource:
@@ -288,7 +282,8 @@ def open_room_source(text: str, *, from_file: bool = False) -> RoomSource:
         If files are not there or cannot be read.
     """
     parts = _BESIDE.split(text)
-    sources = [_open_one(part, from_file) for part in parts]
+    words = ("images of many cameras", "a folder of folders")
+    sources = [open_by_kind(part, _KINDS, words, from_file=from_file) for part in parts]
     if len(sources) == 1:
         (source,) = sources
     elif all(isinstance(source, LiveSets) for source in sources):
@@ -299,17 +294,3 @@ def open_room_source(text: str, *, from_file: bool = False) -> RoomSource:
         source = RecordedTogether(sources)
     _check_count(len(source.cameras), f"{text}: {len(source.cameras)} cameras; give the images of each camera")
     return source
-
-
-def _open_one(text: str, from_file: bool) -> RoomSource:
-    parsed = parse_source(text)
-    if parsed is not None and parsed.kind in ROOM_SOURCES:
-        if from_file and parsed.kind == "gentl":
-            from skelgen.capture.sources.gentl import check_trusted  # noqa: PLC0415
-
-            check_trusted(parsed.places)
-        return ROOM_SOURCES[parsed.kind][1](parsed)
-    if text.strip() and Path(text).is_dir():
-        return _open_folder(SourceText("folder", text))
-    known = ", ".join(example for example, _ in ROOM_SOURCES.values())
-    raise InputError(f"{text!r} is no source of images of many cameras; known are {known}, or a folder of folders")

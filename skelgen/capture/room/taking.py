@@ -9,8 +9,8 @@ import numpy as np
 
 from skelgen.capture.calibration.chessboard import PARTS, coverage, uncovered
 from skelgen.capture.room.calibrate import ENOUGH_VIEWS, WandCalibration, calibrate_wand, extent_of
+from skelgen.capture.room.points import Views
 from skelgen.capture.room.start import LEAST_SHARED
-from skelgen.capture.room.values import Views
 from skelgen.capture.room.wand_and_ground import check_wand, find_wand
 from skelgen.errors import InputError
 from skelgen.model.arrays import Floats, Ints, spread_frames
@@ -102,12 +102,12 @@ class WandTaking:
         What the cameras are called.
     distances : sequence of float, mm
         Where the balls are along the wand.
-    looker : Executor, optional
+    executor : Executor, optional
         A thread that looks at the room now and then; without it only the images are checked.
     """
 
-    def __init__(self, names: Sequence[str], distances: Sequence[float], looker: Executor | None = None) -> None:
-        self.names, self.distances, self._looker = tuple(names), tuple(distances), looker
+    def __init__(self, names: Sequence[str], distances: Sequence[float], executor: Executor | None = None) -> None:
+        self.names, self.distances, self._executor = tuple(names), tuple(distances), executor
         self._wand = check_wand(distances)
         self.frames: list[Views] = []
         self._sizes: list[tuple[int, int] | None] = [None] * len(self.names)
@@ -182,11 +182,11 @@ class WandTaking:
         return calibrate_wand([self.frames[index] for index in chosen.tolist()], self.distances, sizes, self.names)
 
     def _look_at_room(self) -> None:
-        if self._looker is None or not self._look.done() or len(self.frames) < GROWTH * self._looked_at:
+        if self._executor is None or not self._look.done() or len(self.frames) < GROWTH * self._looked_at:
             return
         if np.diag(self._shared).min() >= FIRST_LOOK:
             self._looked_at = len(self.frames)
-            self._look = self._looker.submit(self._find_room)
+            self._look = self._executor.submit(self._find_room)
 
     def _find_room(self) -> None:
         try:

@@ -8,8 +8,7 @@ from it, as is learned while a recording runs, and a ball of one camera that lie
 import numpy as np
 
 from skelgen._kernels.room_limbs import RIGID, Kept, carry
-from skelgen.capture.room.points import REACH, PointMatcher
-from skelgen.capture.room.values import RoomPoints, Views, balls_at
+from skelgen.capture.room.points import REACH, PointMatcher, RoomPoints, Views, balls_at
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.model.rig import CameraRig
 

@@ -19,8 +19,7 @@ from itertools import combinations, permutations
 import numpy as np
 
 from skelgen.capture.images import opencv
-from skelgen.capture.room.points import PointMatcher
-from skelgen.capture.room.values import Views
+from skelgen.capture.room.points import PointMatcher, Views
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import transform_from
 from skelgen.model.arrays import Bools, Floats

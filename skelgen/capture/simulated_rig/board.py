@@ -11,7 +11,7 @@ from skelgen._kernels.rendering import PADDING
 from skelgen.capture.calibration.chessboard import Board, coverage, shortest_side
 from skelgen.capture.optics import project
 from skelgen.capture.reference_rig import reference_rig
-from skelgen.capture.simulated_rig.source import RenderedPairs
+from skelgen.capture.simulated_rig import RenderedPairs
 from skelgen.capture.simulated_rig.view import corner_rays
 from skelgen.capture.values import FramePair, Image
 from skelgen.errors import InputError

@@ -1,13 +1,16 @@
 """What GigE Vision and GenTL cameras have in common: a clock of their own, a count of frames, formats of pixels."""
 
+import contextlib
 from collections import deque
-from typing import Any, Protocol
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skelgen.capture.sources.options import GenicamOptions
-from skelgen.capture.sources.pairs import Shot
+from skelgen.capture.sources.pairs import LiveCamera
 from skelgen.capture.values import Image
 from skelgen.errors import CaptureError
 
@@ -17,13 +20,33 @@ WARM_UP = 10
 """Images after which a camera's clock is known to a part of a millisecond."""
 
 
-class SizelessCamera(Protocol):
-    """A camera whose images tell its size: a `LiveCamera` without it."""
+@contextlib.contextmanager
+def errors_in_words(who: str, *errors: type[Exception]) -> Iterator[None]:
+    """Raise a library's errors as `CaptureError`, with the words for what it was done to."""
+    try:
+        yield
+    except errors as error:
+        raise CaptureError(f"{who}: {str(error).strip() or type(error).__name__}") from error
 
-    name: str
 
-    def take(self, timeout: float) -> Shot | None:
-        """Return the next image, or None if none comes in time."""
+def close_at_the_end(stack: ExitStack, act: Callable[..., Any], *errors: type[Exception]) -> None:
+    """Have a stack close something, which may be gone already.
+
+    Parameters
+    ----------
+    stack : ExitStack
+        Ends when the camera is no longer needed.
+    act : callable ()
+        Closes it.
+    *errors
+        What the library raises, which does not matter then.
+    """
+
+    def close() -> None:
+        with contextlib.suppress(*errors):
+            act()
+
+    stack.callback(close)
 
 
 class SharedClock:
@@ -92,6 +115,38 @@ def grey(values: NDArray[np.uint8] | NDArray[np.uint16], pixel_format: str, came
     return (values >> (int(bits) - 8)).astype(np.uint8)
 
 
+def named(
+    found: list[Any], known: Sequence[tuple[str, ...]], names: tuple[str, ...], no_camera: str, listed: str
+) -> list[Any]:
+    """Return the cameras of these names.
+
+    Parameters
+    ----------
+    found : list
+        All cameras.
+    known : sequence of tuple of str
+        What each may be called.
+    names : tuple of str
+        Those that are wanted.
+    no_camera : str
+        What is said before a name that none has.
+    listed : str
+        What was found, in words.
+
+    Raises
+    ------
+    CaptureError
+        If one is not there.
+    """
+    chosen = []
+    for name in names:
+        fitting = [device for device, called in zip(found, known, strict=True) if name in called]
+        if not fitting:
+            raise CaptureError(f"{no_camera} {name}; {listed}")
+        chosen.append(fitting[0])
+    return chosen
+
+
 def only_two(found: list[Any], listed: str, example: str) -> list[Any]:
     """Return the only two cameras that there are, where the user names none.
 
@@ -116,12 +171,12 @@ def only_two(found: list[Any], listed: str, example: str) -> list[Any]:
     return found
 
 
-def first_size(camera: SizelessCamera, options: GenicamOptions) -> tuple[int, int]:
+def first_size(camera: LiveCamera, options: GenicamOptions) -> tuple[int, int]:
     """Wait until the clock's offset is known, and return the images' size [px]; a trigger may delay the first image.
 
     Parameters
     ----------
-    camera : SizelessCamera
+    camera : LiveCamera
         It runs already.
     options : GenicamOptions
         How it is to run.

@@ -3,19 +3,29 @@
 import contextlib
 import os
 import time as clock
-from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 from skelgen.capture.images import extra_module
-from skelgen.capture.sources.genicam import FrameNumber, SharedClock, first_size, grey, only_two
-from skelgen.capture.sources.options import GenicamOptions, check_two_cameras
-from skelgen.capture.sources.pairs import LivePairs, Shot, with_rate
+from skelgen.capture.sources.genicam import (
+    FrameNumber,
+    SharedClock,
+    close_at_the_end,
+    errors_in_words,
+    first_size,
+    grey,
+    named,
+    only_two,
+)
+from skelgen.capture.sources.options import GenicamOptions
+from skelgen.capture.sources.pairs import Opener, Shot, with_rate
 from skelgen.errors import CaptureError, ParameterError
 
-_EXAMPLE = "gentl:producer.cti,LEFT,RIGHT"
+EXAMPLE = "gentl:producer.cti,LEFT,RIGHT"
+"""Two cameras, as a user would name them."""
+
 _PATH_VARIABLES = ("GENICAM_GENTL64_PATH", "GENICAM_GENTL32_PATH", "ProgramFiles")
 _INSTALLED = ("/opt", "/usr", "/Library")
 _NANOSECONDS = 1e-9
@@ -25,32 +35,30 @@ _RATE, _EXPOSURE = ("AcquisitionFrameRate", "AcquisitionFrameRateAbs"), ("Exposu
 _GAIN = ("Gain", "GainRaw")
 
 
-def gentl_pairs(places: tuple[str, ...], options: GenicamOptions) -> LivePairs:
-    """Return the frame source of two cameras of a producer.
+def opener(places: tuple[str, ...], options: GenicamOptions) -> Opener:
+    """Return what opens cameras of a producer.
 
     Parameters
     ----------
     places : tuple of str
-        The producer's file, then the identifiers or serial numbers of the left and the right camera; without them the
-        only two there are, in the producer's order.
+        The producer's file, then identifiers or serial numbers of cameras; without them the only two there are, in the
+        producer's order.
     options : GenicamOptions
         Rate, exposure, trigger and the like.
 
     Raises
     ------
     ParameterError
-        If `places` are not the file, or the file and two cameras.
+        If no file is named.
     CaptureError
         If there is no such file.
     """
     if not places:
-        raise ParameterError(f"gentl: names no producer's .cti file, as in {_EXAMPLE}")
-    check_two_cameras("gentl", places[1:], _EXAMPLE)
+        raise ParameterError(f"gentl: names no producer's .cti file, as in {EXAMPLE}")
     producer = Path(places[0])
     if not producer.is_file():
         raise CaptureError(f"{producer}: no such GenTL producer; the camera's maker installs it, often below /opt")
-    name = "gentl:" + ",".join(places)
-    return LivePairs(name, lambda stack: with_rate(open_gentl(stack, producer, places[1:], options)), options)
+    return lambda stack: with_rate(_open(stack, producer, places[1:], options))
 
 
 def check_trusted(places: tuple[str, ...]) -> None:
@@ -62,10 +70,10 @@ def check_trusted(places: tuple[str, ...]) -> None:
     Parameters
     ----------
     places : tuple of str
-        As of `gentl_pairs`.
+        As of `opener`.
     """
-    named = os.pathsep.join(os.environ.get(name, "") for name in _PATH_VARIABLES)
-    folders = [Path(folder).resolve() for folder in (*named.split(os.pathsep), *_INSTALLED) if folder]
+    listed = os.pathsep.join(os.environ.get(name, "") for name in _PATH_VARIABLES)
+    folders = [Path(folder).resolve() for folder in (*listed.split(os.pathsep), *_INSTALLED) if folder]
     producer = Path(places[0] if places else "").resolve()
     if not any(producer.is_relative_to(folder) for folder in folders):
         what = "a program that settings name is loaded only from a folder of GENICAM_GENTL64_PATH, /opt or /usr"
@@ -92,14 +100,14 @@ class GentlCamera:
     def __init__(self, harvester: Any, device: Any, options: GenicamOptions, stack: ExitStack) -> None:
         self.name = f"camera {device.id_} ({device.vendor} {device.model})"
         self._clock, self._number = SharedClock(), FrameNumber()
-        with _errors_in_words(self.name):
+        with errors_in_words(self.name, *_errors()):
             self._camera = harvester.create({"id_": device.id_})
-            stack.callback(_quietly, self._camera.destroy)
+            close_at_the_end(stack, self._camera.destroy, *_genicam_error())
             self._camera.num_buffers = max(_BUFFERS, self._camera.min_num_buffers)
             self.capacity = self._camera.num_buffers
             self.rate = _set_up(self._camera.remote_device.node_map, options)
             self._camera.start()
-            stack.callback(_quietly, self._camera.stop)
+            close_at_the_end(stack, self._camera.stop, *_genicam_error())
         self.size = first_size(self, options)
 
     def take(self, timeout: float) -> Shot | None:
@@ -110,7 +118,7 @@ class GentlCamera:
         CaptureError
             If the producer fails, or sends no grey images.
         """
-        with _errors_in_words(self.name):
+        with errors_in_words(self.name, *_errors()):
             buffer = self._camera.try_fetch(timeout=max(timeout, _LEAST_WAIT))
             if buffer is None:
                 return None
@@ -124,29 +132,19 @@ class GentlCamera:
                 return Shot(grey(values, image.data_format, self.name), taken, self._number.of(buffer.frame_id))
 
 
-def open_gentl(
-    stack: ExitStack, producer: Path, names: tuple[str, ...], options: GenicamOptions
-) -> list["GentlCamera"]:
-    """Open cameras of a producer.
-
-    Parameters
-    ----------
-    stack : ExitStack
-        Closes them.
-    producer : Path
-        Its file.
-    names : tuple of str
-        Identifiers or serial numbers; empty takes the only two there are.
-    options : GenicamOptions
-        How they are to run.
-    """
-    with _errors_in_words(str(producer)):
+def _open(stack: ExitStack, producer: Path, names: tuple[str, ...], options: GenicamOptions) -> list[GentlCamera]:
+    with errors_in_words(str(producer), *_errors()):
         harvester = _harvesters().Harvester()
-        stack.callback(_quietly, harvester.reset)
+        close_at_the_end(stack, harvester.reset, *_genicam_error())
         harvester.add_file(str(producer))
         harvester.update()
     found = list(harvester.device_info_list)
-    chosen = _named(found, names, producer) if names else only_two(found, f"{producer} {_listed(found)}", _EXAMPLE)
+    listed = "found " + (", ".join(device.id_ for device in found) or "no camera; check cables and power")
+    if not names:
+        chosen = only_two(found, f"{producer} {listed}", EXAMPLE)
+    else:
+        known = [(device.id_, _serial(device)) for device in found]
+        chosen = named(found, known, names, f"{producer} has no camera", listed)
     return [GentlCamera(harvester, device, options, stack) for device in chosen]
 
 
@@ -195,39 +193,14 @@ def _device_time(buffer: Any) -> float | None:
     return None
 
 
-def _named(found: list[Any], names: tuple[str, ...], producer: Path) -> list[Any]:
-    chosen = []
-    for name in names:
-        fitting = [device for device in found if name in (device.id_, _serial(device))]
-        if not fitting:
-            raise CaptureError(f"{producer} has no camera {name}; {_listed(found)}")
-        chosen.append(fitting[0])
-    return chosen
-
-
-def _listed(found: list[Any]) -> str:
-    return "found " + (", ".join(device.id_ for device in found) or "no camera; check cables and power")
-
-
 def _serial(device: Any) -> str:
     with contextlib.suppress(*_genicam_error()):
         return str(device.serial_number)
     return ""
 
 
-def _quietly(act: Any) -> None:
-    """Close something that may be gone already."""
-    with contextlib.suppress(*_genicam_error()):
-        act()
-
-
-@contextlib.contextmanager
-def _errors_in_words(who: str) -> Iterator[None]:
-    errors: tuple[type[Exception], ...] = (*_genicam_error(), OSError, ValueError)
-    try:
-        yield
-    except errors as error:
-        raise CaptureError(f"{who}: {str(error).strip() or type(error).__name__}") from error
+def _errors() -> tuple[type[Exception], ...]:
+    return (*_genicam_error(), OSError, ValueError)
 
 
 def _genicam_error() -> tuple[type[Exception], ...]:

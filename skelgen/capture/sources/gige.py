@@ -2,41 +2,43 @@
 
 import contextlib
 import time as clock
-from collections.abc import Iterator
 from contextlib import ExitStack
 from types import ModuleType
 from typing import Any
 
 from skelgen.capture.images import extra_module
-from skelgen.capture.sources.genicam import FrameNumber, SharedClock, first_size, grey, only_two
-from skelgen.capture.sources.options import GenicamOptions, check_two_cameras
-from skelgen.capture.sources.pairs import LivePairs, Shot, with_rate
+from skelgen.capture.sources.genicam import (
+    FrameNumber,
+    SharedClock,
+    close_at_the_end,
+    errors_in_words,
+    first_size,
+    grey,
+    named,
+    only_two,
+)
+from skelgen.capture.sources.options import GenicamOptions
+from skelgen.capture.sources.pairs import Opener, Shot, with_rate
 from skelgen.errors import CaptureError
 
-_EXAMPLE = "gige:10.0.0.2,10.0.0.3"
+EXAMPLE = "gige:10.0.0.2,10.0.0.3"
+"""Two cameras, as a user would name them."""
+
 _DISCOVERY_MS = 500
 _TICKS_REGISTER = 0x093C  # GigE Vision bootstrap: ticks of the time stamp a second, 64 bits
-_LEAST_WAIT_MS = 0
 
 
-def gige_pairs(addresses: tuple[str, ...], options: GenicamOptions) -> LivePairs:
-    """Return the frame source of two cameras on the network.
+def opener(addresses: tuple[str, ...], options: GenicamOptions) -> Opener:
+    """Return what opens cameras on the network.
 
     Parameters
     ----------
     addresses : tuple of str
-        IP or MAC addresses of the left and the right camera; empty takes the only two there are, the lower IP left.
+        IP or MAC addresses; empty takes the only two there are, the lower IP first.
     options : GenicamOptions
         Rate, exposure, trigger and the like.
-
-    Raises
-    ------
-    ParameterError
-        If `addresses` are not none or two.
     """
-    check_two_cameras("gige", addresses, _EXAMPLE)
-    name = "gige:" + ",".join(addresses)
-    return LivePairs(name, lambda stack: with_rate(open_gige(stack, addresses, options)), options)
+    return lambda stack: with_rate(_open(stack, addresses, options))
 
 
 class GigeCamera:
@@ -58,14 +60,14 @@ class GigeCamera:
         self._viva = _viva()
         self.name = f"camera {device.ip} ({device.manufacturer} {device.model})"
         self._clock, self._number = SharedClock(), FrameNumber()
-        with _errors_in_words(self.name):
+        with errors_in_words(self.name, self._viva.GenicamError):
             self._camera = self._viva.connect_gige(device)
-            stack.callback(_quietly, self._camera.close)
+            close_at_the_end(stack, self._camera.close, self._viva.GenicamError)
             self.rate = _set_up(self._camera, options)
             self._ticks = int.from_bytes(self._camera.read_register(_TICKS_REGISTER, 8), "big")
             self._stream = self._camera.stream()
             self._stream.__enter__()
-            stack.callback(_quietly, self._stream.__exit__, None, None, None)
+            close_at_the_end(stack, lambda: self._stream.__exit__(None, None, None), self._viva.GenicamError)
         self.size = first_size(self, options)
 
     def take(self, timeout: float) -> Shot | None:
@@ -76,16 +78,15 @@ class GigeCamera:
         CaptureError
             If another program took the camera, or it answers no more.
         """
-        try:
-            frame = self._stream.next_frame(max(int(timeout * 1000), _LEAST_WAIT_MS))
-        except self._viva.TransportError as error:
-            if "timeout" not in str(error):
-                raise CaptureError(f"{self.name}: {error}") from error
-            if timeout:
-                self._check_control()
-            return None
-        except self._viva.GenicamError as error:
-            raise CaptureError(f"{self.name}: {error}") from error
+        with errors_in_words(self.name, self._viva.GenicamError):
+            try:
+                frame = self._stream.next_frame(int(timeout * 1000))
+            except self._viva.TransportError as error:
+                if "timeout" not in str(error):
+                    raise
+                if timeout:
+                    self._check_control()
+                return None
         if frame is None:
             raise CaptureError(f"{self.name} has ended its stream")
         arrived = clock.time()
@@ -98,22 +99,15 @@ class GigeCamera:
             raise CaptureError(f"{self.name} was unplugged, or another program has taken it")
 
 
-def open_gige(stack: ExitStack, addresses: tuple[str, ...], options: GenicamOptions) -> list["GigeCamera"]:
-    """Open cameras on the network.
-
-    Parameters
-    ----------
-    stack : ExitStack
-        Closes them.
-    addresses : tuple of str
-        IP or MAC addresses; empty takes the only two there are, the lower IP first.
-    options : GenicamOptions
-        How they are to run.
-    """
-    with _errors_in_words("the network"):
-        found = _viva().discover(timeout_ms=_DISCOVERY_MS, all=True)
+def _open(stack: ExitStack, addresses: tuple[str, ...], options: GenicamOptions) -> list[GigeCamera]:
+    viva = _viva()
+    with errors_in_words("the network", viva.GenicamError):
+        found = viva.discover(timeout_ms=_DISCOVERY_MS, all=True)
     found = sorted(found, key=lambda device: [int(part) for part in device.ip.split(".")])
-    chosen = _named(found, addresses) if addresses else only_two(found, _listed(found), _EXAMPLE)
+    names, listed = [(device.ip, device.mac.lower()) for device in found], _listed(found)
+    lower = tuple(address.lower() for address in addresses)
+    none = "no GigE Vision camera answers at"
+    chosen = named(found, names, lower, none, listed) if lower else only_two(found, listed, EXAMPLE)
     return [GigeCamera(device, options, stack) for device in chosen]
 
 
@@ -137,38 +131,11 @@ def _set_up(camera: Any, options: GenicamOptions) -> float | None:
         return None
 
 
-def _named(found: list[Any], addresses: tuple[str, ...]) -> list[Any]:
-    chosen = []
-    for address in addresses:
-        fitting = [device for device in found if address.lower() in (device.ip, device.mac.lower())]
-        if not fitting:
-            raise CaptureError(f"no GigE Vision camera answers at {address}; {_listed(found)}")
-        chosen.append(fitting[0])
-    return chosen
-
-
 def _listed(found: list[Any]) -> str:
     if not found:
         return "no GigE Vision camera answers on the network; check cables, power and the computer's address"
     return "found " + ", ".join(f"{device.ip} ({device.manufacturer} {device.model})" for device in found)
 
 
-def _quietly(act: Any, *arguments: Any) -> None:
-    """Close something that may be gone already."""
-    with contextlib.suppress(_viva().GenicamError):
-        act(*arguments)
-
-
-@contextlib.contextmanager
-def _errors_in_words(who: str) -> Iterator[None]:
-    try:
-        yield
-    except _viva().GenicamError as error:
-        raise CaptureError(f"{who}: {error}") from error
-
-
 def _viva() -> ModuleType:
     return extra_module("viva_genicam", "viva-genicam for GigE Vision cameras", "gige")
-
-
-__all__ = ["GigeCamera", "gige_pairs", "open_gige"]

@@ -9,7 +9,7 @@ import numpy as np
 
 from skelgen.capture.images import IMAGE_SUFFIXES, read_image
 from skelgen.capture.sources.options import FileOptions
-from skelgen.capture.sources.pairs import check_same_size
+from skelgen.capture.sources.pairs import check_same_size, lost_between
 from skelgen.capture.values import FramePair, Image, NothingToOpen
 from skelgen.errors import CaptureError, FormatError, InputError
 from skelgen.files import read_content
@@ -210,18 +210,13 @@ class ImagePairs(NothingToOpen):
     def __iter__(self) -> Iterator[FramePair]:
         """Read one pair after the other."""
         index = -1
-        before = None
+        before: float | None = None
         for pair in self._pairs:
-            lost = pair.lost if before is None else max(pair.lost, self._lost_between(before, pair))
+            lost = max(pair.lost, lost_between(before, pair.time, self.rate))
             index += 1 + lost
             self.n_dropped += lost
-            before = pair
+            before = pair.time
             yield FramePair(self._read(pair.left), self._read(pair.right), self._time(pair, index), index, lost)
-
-    def _lost_between(self, before: ImagePair, now: ImagePair) -> int:
-        if self.rate is None or before.time is None or now.time is None:
-            return 0
-        return max(round((now.time - before.time) * self.rate) - 1, 0)
 
     def _time(self, pair: ImagePair, index: int) -> float:
         first = self._pairs[0].time

@@ -35,6 +35,11 @@ class SourceText:
         """The places between commas, without those that are empty."""
         return tuple(part.strip() for part in self.place.split(",") if part.strip())
 
+    @property
+    def cameras(self) -> tuple[str, ...]:
+        """The places that are names of cameras: all but the first of GenTL, which is the producer's file."""
+        return self.places[1:] if self.kind == "gentl" else self.places
+
     def __str__(self) -> str:
         options = "&".join(f"{name}={value}" for name, value in self.options.items())
         return f"{self.kind}:{self.place}" + (f"?{options}" if options else "")

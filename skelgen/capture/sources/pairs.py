@@ -69,9 +69,20 @@ class PairCounter:
     def _lost_between(self, before: Shot, now: Shot) -> int:
         if before.number is not None and now.number is not None:
             return max(now.number - before.number - 1, 0)
-        if self.rate is None:
-            return 0
-        return max(round((now.time - before.time) * self.rate) - 1, 0)
+        return lost_between(before.time, now.time, self.rate)
+
+
+def lost_between(before: float | None, now: float | None, rate: float | None) -> int:
+    """Return how many moments are missing between two that were taken; 0 where that cannot be told.
+
+    Parameters
+    ----------
+    before, now : float or None, s
+        When both were taken.
+    rate : float or None, Hz
+        Moments a second.
+    """
+    return 0 if before is None or now is None or not rate else max(round((now - before) * rate) - 1, 0)
 
 
 def check_same_size(left: tuple[int, int], right: tuple[int, int], names: tuple[str, str]) -> tuple[int, int]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from skelgen.geometry.rotations import matrix_from_quaternion, transform_from
 from skelgen.kinematics.inverse.inverse_kinematics import Posture, posture_of
-from skelgen.kinematics.joints.angles import angle_names
+from skelgen.kinematics.joints.angles import angle_names, continued
 from skelgen.model import JointAngles, Motion, Skeleton, Trajectories
 from skelgen.model.arrays import Bools, Floats, check_bools, check_floats, read_only, set_fields, spread_frames
 
@@ -124,7 +124,7 @@ class MotionAngles:
         parts = [posture_of(self.skeleton, motion, self.positions, frames) for frames in blocks]
         found = []
         for index, joint in enumerate(self.skeleton.joints):
-            values = np.concatenate([part.angles[index] for part in parts])
+            values = continued(joint, np.concatenate([part.angles[index] for part in parts]))
             std = np.concatenate([part.angle_std[index] for part in parts])
             found.append(JointAngles(angle_names(joint), values, std))
         return tuple(found)

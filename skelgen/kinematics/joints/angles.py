@@ -59,6 +59,23 @@ def joint_angles(joint: Joint, relative: Floats) -> Floats:
     return vector_from_matrix(relative)
 
 
+def continued(joint: Joint, angles: Floats, before: Floats | None = None) -> Floats:
+    """Return angles about axes without jumps of a full turn, as those of wheels have them; others as they are.
+
+    Parameters
+    ----------
+    joint : Joint
+        Its type and axes.
+    angles : ndarray, shape (n_frames, n_angles), rad
+        From `joint_angles`, in the order of time.
+    before : ndarray, shape (n_angles,), rad, optional
+        What this returned for the frame before.
+    """
+    if joint.axis is None or not len(angles):
+        return angles
+    return np.unwrap(np.concatenate([angles[:1] if before is None else before[np.newaxis], angles]), axis=0)[1:]
+
+
 def angle_deviations(joint: Joint, relative: Floats, covariance: Floats) -> Floats:
     """Return the standard deviations of a joint's angles [rad], shape (n_frames, n_angles).
 

@@ -35,7 +35,7 @@ import numpy as np
 
 from skelgen.geometry.statistics import SIGMA_OF_MEDIAN
 from skelgen.model import Limbs, Topology
-from skelgen.model.arrays import Floats
+from skelgen.model.arrays import Floats, Ints
 from skelgen.model.topology import spanning_forest
 from skelgen.stages.joints.pairs import LEAST_TURN, JointGuess
 from skelgen.stages.joints.parameters import JointConstraints, Pair
@@ -54,6 +54,9 @@ ENOUGH_RATIOS = 8
 
 MOST_SPREAD = 1.0
 """Largest mean deviation of the logarithms of the ratios of gaps to expected gaps: that of people."""
+
+LEAST_SPREAD = 0.05
+"""What noise alone makes: few joints may be alike by chance."""
 
 UNKNOWN_SPREAD, LEAST_RATIOS = 0.4, 3
 """Spread that is assumed if fewer than `LEAST_RATIOS` joints have an expected gap, as most come from descents, or if
@@ -100,6 +103,19 @@ class JointCosts:
     expected: Floats
     turns: Floats
     distances: Floats = field(default_factory=lambda: np.zeros((1, 1)))
+
+    def surprise(self, children: Ints, above: Ints) -> Floats:
+        """Return log odds against joints of a tree by their gaps over the expected ones, beside those of the others.
+
+        Parameters
+        ----------
+        children, above : ndarray of intp, shape (n_joints,)
+            Limbs with a parent, and their parents.
+        """
+        squares, expected = self.squares[children, above], self.expected[children, above]
+        ratios = np.maximum(squares / np.maximum(expected, np.finfo(np.float64).tiny), LEAST_RATIO)
+        spread = max(_spread(ratios[np.isfinite(self.turns[children, above])]), LEAST_SPREAD)
+        return np.asarray(np.log(ratios / np.median(ratios)) / spread)
 
 
 def comparable_costs(

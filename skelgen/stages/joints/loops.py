@@ -75,7 +75,7 @@ def closing_loops(
     segments : sequence of Segment
         All limbs, with the joints that give them poses, in sampled frames.
     expected : ndarray, shape (n_limbs, n_limbs), mm^2
-        What noise lets expect of the mean square gap of each joint.
+        What noise lets expect of the mean square gap of each joint; more is expected where joints gave the limbs poses.
     how : Guessing
         How joints are found.
     """
@@ -83,7 +83,8 @@ def closing_loops(
     kept = []
     for first, second in pairs:
         joint = guess_joint(segments[first], segments[second], how, typical, how.parameters.alpha)
-        chance = CHANCE * (float(expected[first, second]) + typical)
+        wanders = max(float(expected[first, second]), float(np.nan_to_num(joint.expected)))
+        chance = CHANCE * (wanders + typical)
         between = tree_path(parents, first, second)[1:-1]
         if not between or any(_moves(joint.positions, segments[limb].markers, chance) for limb in between):
             kept.append((first, second))

@@ -25,7 +25,7 @@ from skelgen.stages.joints.parted import PartedBodies, parted_tree
 from skelgen.stages.joints.search import PairSearch, place_in_blocks, place_joints, positions_of_joints
 from skelgen.stages.joints.segments import Segment, make_segments, markers_of_limbs, sample_frames
 from skelgen.stages.joints.sliding import sliding_limbs, sliding_loop_notices
-from skelgen.stages.joints.still_limbs import n_moving_parts, still_limb_notices, still_limbs
+from skelgen.stages.joints.still_limbs import fixed_limbs, n_moving_parts, still_limb_notices, still_limbs
 from skelgen.stages.joints.tree import (
     Parting,
     Tree,
@@ -155,6 +155,10 @@ class JointSearch:
         stated = stated.seen(costs.order, monitor)
         parting = self._parting(guesses, odds, worn) if parameters.separate else None
         tree = find_tree(costs, guesses, n_markers, stated, parting)
+        fixed = fixed_limbs([segment.markers for segment in segments], tree.parents)
+        if (tree.parents[fixed] >= 0).any() and stated.parents is None:
+            rooted = replace(stated, roots=(*stated.roots, *fixed))
+            tree = find_tree(costs, guesses, n_markers, rooted, parting)
         joints, placed = place_joints(segments, frames, tree.parents, how, monitor, guesses)
         n_frames = len(segments[0].points)
         raw = positions_of_joints(joints, tree.parents, n_frames)

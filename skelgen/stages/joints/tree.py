@@ -1,9 +1,9 @@
 """The tree of limbs: which joints span it, which of its edges are no joints.
 
 A spanning tree joins whatever is seen together: two persons, a person and a chair. Such an edge wobbles as limbs do
-that have nothing to do with each other; or it is much dearer than joints of this take are, lies far from all markers,
-and could as well be another edge, because no place is better than the others. If noise does not explain its gap, it is
-cut, and bodies are separate trees.
+that have nothing to do with each other; or it could as well be another edge, because no place is better than the
+others, and is much dearer than joints of this take are and far from all markers, or has a gap that none of these could
+have. If noise does not explain its gap, it is cut, and bodies are separate trees.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -30,6 +30,10 @@ DEAR = 10.0
 
 FAR = 2.0
 """Times the usual distance between joint and markers."""
+
+UNLIKELY = 20.0
+"""Log odds against a joint by its gap, beside those of other joints: of a rider on a horse in whose joints there is
+nothing but noise they are above 100, of joints of people, whose soft tissue moves, below 7."""
 
 REPLACEABLE = 4.0
 """Ratio of the cost of the best other edge between the same two parts: above, this one is special."""
@@ -226,7 +230,8 @@ def _false_joints(parents: Ints, costs: JointCosts, guesses: Mapping[Pair, Joint
     if len(children) >= ENOUGH_JOINTS:
         rivals = cheapest_rivals(parents, np.where(np.isfinite(costs.comparable), costs.comparable, np.nan))
         replaceable = np.array([rivals[int(child)][1] < REPLACEABLE * dear[i] for i, child in enumerate(children)])
-        false |= replaceable & _exceeds(dear, DEAR) & _exceeds(distances, FAR)
+        unlikely = unexplained & (costs.surprise(children, above) > UNLIKELY)
+        false |= replaceable & (unlikely | (_exceeds(dear, DEAR) & _exceeds(distances, FAR)))
         false &= squares > costs.expected[children, above]
     else:  # of so few, each would be usual by itself
         false &= unexplained

@@ -18,7 +18,7 @@ import numpy as np
 
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.limbs.parameters import MarkerConstraints
-from skelgen.stages.limbs.relative_motion import Group, Movements
+from skelgen.stages.limbs.relative_motion import TEST_FRAMES, Group, Movements
 
 LINKED = 5.0
 """Largest variance of a distance within a cluster at the start, in units of its noise: soft tissue is rarely beyond."""
@@ -52,6 +52,11 @@ FAR_NEARER = 2.0
 REGROUPED = 6
 """Two neighbouring clusters with no more markers are regrouped in all ways: 31 of them."""
 
+CHANCE = 3.0
+"""Standard deviations by which the logarithm of a coordinate's noise may be beyond the usual one. From .19 on all of
+`GAIN` is needed: a variance that is three times the usual one is no joint then. Distances within clusters of people
+have .25 and more, those of plates with white noise what the frames leave open."""
+
 MOST_CHANGES = 500
 """Ends a search that rounding might keep going."""
 
@@ -62,7 +67,10 @@ FORBIDDEN = 1e9
 """nats; the cost of a cluster that is not allowed, or that no frames show: finite, so that differences stay numbers."""
 
 TINY = 1e-9
-"""nats; a smaller gain is rounding."""
+"""nats; a smaller gain is rounding. Also mm^2."""
+
+LOW = 0.16
+"""Quantile that is one standard deviation below the middle; as many are as far above it."""
 
 
 def misfit(ratios: Floats) -> Floats:
@@ -81,7 +89,7 @@ def misfit(ratios: Floats) -> Floats:
     return np.asarray((excess - 1 - np.log(excess)).sum(axis=-1) / 2)
 
 
-def marker_noise(variance: Floats, noise: float) -> Floats:
+def marker_noise(variance: Floats, noise: float, margin: float) -> Floats:
     """Estimate the noise variance [mm^2] of each marker from its most rigid neighbour, shape (n_markers,).
 
     Parameters
@@ -90,9 +98,33 @@ def marker_noise(variance: Floats, noise: float) -> Floats:
         Half the variance of each distance, infinite where unknown.
     noise : float, mm^2
         Noise of the take, the least of any marker.
+    margin : float
+        Part of the range that is needed.
     """
     nearest = (variance + np.diag(np.full(len(variance), np.inf))).min(axis=1)
-    return np.asarray(np.clip(nearest, noise, NOISE_RANGE * noise))
+    return np.asarray(np.clip(nearest, noise, NOISE_RANGE**margin * noise))
+
+
+def margin(clusters: list[Group], variance: Floats) -> float:
+    """Return which part of `GAIN` and of other margins noise needs that is unlike from marker to marker, at most 1.
+
+    Clusters that hold markers of two limbs by mistake vary more than others; of these there are few.
+
+    Parameters
+    ----------
+    clusters : list of tuple of int
+        Clusters that were found with all of the margins.
+    variance : ndarray, shape (n_markers, n_markers), mm^2
+        Half the variance of each distance, infinite where unknown.
+    """
+    within = np.array([variance[pair] for cluster in clusters for pair in combinations(cluster, 2)])
+    known = within[np.isfinite(within)]
+    if not len(known):
+        return 1.0
+    low, usual, high = np.quantile(np.log(np.maximum(known, TINY)) / 2, (LOW, 0.5, 1 - LOW))
+    most = float(max(usual - low, high - usual)) * (1 + 2 / np.sqrt(len(known)))  # two standard errors more
+    spread = np.hypot(most, 1 / np.sqrt(2 * TEST_FRAMES))
+    return min(1.0, float(misfit(np.exp([2 * CHANCE * spread]))) / GAIN)
 
 
 def nearest(distances: Floats, limit: float) -> Bools:
@@ -116,7 +148,7 @@ def nearest(distances: Floats, limit: float) -> Bools:
 
 
 def find_rigid_clusters(
-    movements: Movements, ratio: Floats, noise: Floats, constraints: MarkerConstraints, nearness: float
+    movements: Movements, ratio: Floats, noise: Floats, constraints: MarkerConstraints, nearness: float, margin: float
 ) -> list[Group]:
     """Group markers into rigid clusters.
 
@@ -133,8 +165,10 @@ def find_rigid_clusters(
     nearness : float
         Cost [nats] of a cluster that is e times as large: of two that motion explains alike, the smaller is likelier.
         With 0 small clusters that are no rigid body are not parted in all ways, either: motion alone errs with some.
+    margin : float
+        Part of `GAIN` and `CLUSTER_COST` that is needed.
     """
-    search = _Search(movements, ratio, noise, constraints, nearness)
+    search = _Search(movements, ratio, noise, constraints, nearness, margin)
     for _ in range(MOST_CHANGES):
         change = search.best_change()
         if change is None:
@@ -149,11 +183,18 @@ Change = tuple[tuple[int, ...], list[Group]]
 
 class _Search:
     def __init__(
-        self, movements: Movements, ratio: Floats, noise: Floats, constraints: MarkerConstraints, nearness: float
+        self,
+        movements: Movements,
+        ratio: Floats,
+        noise: Floats,
+        constraints: MarkerConstraints,
+        nearness: float,
+        margin: float,
     ) -> None:
         self._movements, self._ratio, self._noise, self._apart = movements, ratio, noise, constraints.apart
         self._block_of = {marker: block for block in constraints.blocks for marker in block}
         self._by_size = nearness * np.log(movements.distances) if nearness else None
+        self._gain, self._cluster = GAIN * margin, CLUSTER_COST * margin
         self._costs: dict[Group, float] = {}
         self._ways: dict[Group, list[list[Group]]] = {}
         self.clusters = _linkage(ratio, constraints.blocks, constraints.apart)
@@ -223,7 +264,7 @@ class _Search:
         """
         if self._by_size is not None:
             for index, cluster in enumerate(self.clusters):
-                varies = self._ratio[np.ix_(cluster, cluster)].max() > VARIES and self._costs[cluster] > CLUSTER_COST
+                varies = self._ratio[np.ix_(cluster, cluster)].max() > VARIES and self._costs[cluster] > self._cluster
                 if 3 < len(cluster) <= REGROUPED and varies:
                     yield from (((index,), parts) for parts in self._ways_of(cluster))
         labels = self._labels()
@@ -262,20 +303,20 @@ class _Search:
             if group in self._costs:
                 continue
             if len(group) == 1:
-                self._costs[group] = CLUSTER_COST
+                self._costs[group] = self._cluster
             elif self._apart[np.ix_(group, group)].any():
-                self._costs[group] = CLUSTER_COST + FORBIDDEN
+                self._costs[group] = self._cluster + FORBIDDEN
             elif len(group) == 2:
                 pair: Floats = self._ratio[group[:1], group[1:]]
-                self._costs[group] = CLUSTER_COST + float(misfit(pair)) - GAIN + self._size(group)
+                self._costs[group] = self._cluster + float(misfit(pair)) - self._gain + self._size(group)
             else:
-                self._costs[group] = CLUSTER_COST + FORBIDDEN  # unless frames show it
+                self._costs[group] = self._cluster + FORBIDDEN  # unless frames show it
                 several.append(group)
         for indices, spread in self._movements.all_inner(several):
             ratios = spread.ratios(self._noise)
-            inner = misfit(ratios) - GAIN * ratios.shape[1]
+            inner = misfit(ratios) - self._gain * ratios.shape[1]
             self._costs.update(
-                (several[index], CLUSTER_COST + cost + self._size(several[index]))
+                (several[index], self._cluster + cost + self._size(several[index]))
                 for index, cost in zip(indices.tolist(), inner.tolist(), strict=True)
             )
 

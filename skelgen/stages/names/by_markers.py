@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from itertools import chain, count, zip_longest
-from pathlib import Path
 
+from skelgen.files import read_table
 from skelgen.geometry.keypoints import segment_of_name
 from skelgen.model import Limbs
 from skelgen.model.arrays import Ints
@@ -169,9 +168,8 @@ def _reading(style: str, side: str, rest: str, must_be_whole: bool = False) -> _
 @cache
 def _words() -> Mapping[str, tuple[str, float]]:
     """The segment of each word, and how much the word says of it."""
-    text = Path(__file__).with_name("tables").joinpath("words.toml").read_text(encoding="utf-8")
     words: dict[str, tuple[str, float]] = {}
-    for segment, rows in tomllib.loads(text).items():
+    for segment, rows in read_table(__file__, "words").items():
         words |= dict.fromkeys(rows.get("firm", ()), (segment, 1.0))
         words |= dict.fromkeys(rows.get("at_joint", ()), (segment, _AT_JOINT))
     return words

@@ -9,16 +9,15 @@ by those that it is joined to, and by their numbers of markers.
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from operator import itemgetter
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
+from skelgen.files import read_table
 from skelgen.geometry.statistics import pair_lengths
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.names.moving_tree import MovingTree
@@ -286,8 +285,7 @@ class Tables:
 @cache
 def learned_tables() -> Tables:
     """Return the package's table."""
-    text = Path(__file__).with_name("tables").joinpath("distances.toml").read_text(encoding="utf-8")
-    return tables_of(tomllib.loads(text))
+    return tables_of(read_table(__file__, "distances"))
 
 
 def tables_of(rows: Mapping[str, Mapping[str, Sequence[float]]]) -> Tables:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache
-from pathlib import Path
 from typing import Any
 
 from skelgen.errors import InputError, ParameterError
+from skelgen.files import read_table as read_beside
 from skelgen.marker_sets import MARKER_SETS, read_table, worn_markers
 
 OTHER_SETS = ("cleveland-clinic", "cgm2-5", "human-body-model", "optitrack-biomech-57", "nokov-53", "opencap")
@@ -182,8 +181,7 @@ def plain_name(name: str) -> str:
 def _table(name: str) -> Mapping[str, Any]:
     if name in MARKER_SETS:
         return read_table("marker_sets")[name]  # type: ignore[no-any-return]
-    text = Path(__file__).with_name("tables").joinpath("other_sets.toml").read_text(encoding="utf-8")
-    return tomllib.loads(text)[name]  # type: ignore[no-any-return]
+    return read_beside(__file__, "other_sets")[name]  # type: ignore[no-any-return]
 
 
 @cache

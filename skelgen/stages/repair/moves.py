@@ -15,7 +15,7 @@ from skelgen.model import Limbs, Trajectories
 from skelgen.model.arrays import Bools, Floats
 from skelgen.model.labelling import Finding
 from skelgen.progress import frames_between
-from skelgen.stages.repair.limb_distances import RigidModel, rigid_model, robust_limbs
+from skelgen.stages.repair.exchange_evidence import RigidModel, rigid_model, robust_limbs
 
 FITS = 3.0
 """Standard deviations within which the median distance to the other marker's limb must lie."""

@@ -23,13 +23,16 @@ from skelgen.progress import SILENT, Monitor, frames_between
 from skelgen.stages.repair.exchange_evidence import (
     Cycle,
     Evidence,
+    RigidModel,
     best_spans,
     find_evidence,
     jumping_cycles,
+    limb_pairs,
     misfits,
     neighbours_of,
+    rigid_model,
+    robust_limbs,
 )
-from skelgen.stages.repair.limb_distances import RigidModel, limb_pairs, rigid_model, robust_limbs
 
 MOST_ROUNDS = 12
 """Each round undoes all exchanges that do not touch each other; a take needs two or three."""
@@ -44,7 +47,8 @@ LEAST_FRAMES = 3
 """Frames in which two labels must be doubted together for their exchange to be examined."""
 
 CLEAR_JUMP = 6.0
-"""nats; the squared distance to the other marker's place is four hundred times smaller than that to the own."""
+"""nats; the squared distance to the other marker's place is four hundred times smaller than that to the own. Where
+it is as many times larger, no label is exchanged, whatever distances say: a limb that stood still before moves, say."""
 
 BETTER = 0.8
 """An exchange that only distances show must bring the misfit below this part of it."""
@@ -216,7 +220,8 @@ def _clear_spans(
     for first, last in best_spans(evidence):
         distances = float(evidence.distances[first : last + 1].sum())
         jumps = _jump_gains(evidence, first, last)
-        by_distance = distances > least_evidence and _is_better(positions[first : last + 1], cycle, model)
+        by_distance = distances > least_evidence and min(jumps) > -CLEAR_JUMP
+        by_distance = by_distance and _is_better(positions[first : last + 1], cycle, model)
         by_jumps = min(jumps) > CLEAR_JUMP and distances > -least_evidence and last - first + 1 < len(positions) / 2
         if by_distance or by_jumps:
             spans.append((distances + sum(jumps), cycle, first, last))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from skelgen.app.capture_jobs.board_views import CollectedView, ViewCollection, gaps, is_new, is_steady
+from skelgen.app.capture_jobs.images import CollectedView, ViewCollection, gaps, is_new, is_steady
 from skelgen.capture.calibration.chessboard import BoardView
 
 SIZE = (640, 480)

@@ -11,7 +11,7 @@ from skelgen_formats.capture_settings import write_settings
 import skelgen
 from skelgen.app.capture_jobs.collecting import BodyCollector
 from skelgen.app.capture_jobs.live import LiveCapture, open_stream
-from skelgen.app.capture_jobs.messages import CaptureControl, CaptureOptions, CollectingControl, Feed
+from skelgen.app.capture_jobs.messages import CaptureControl, CaptureOptions, Feed
 from skelgen.capture.room.sources import open_room_source
 from skelgen.capture.simulated_rig import simulated_rig
 from skelgen.errors import InputError
@@ -125,7 +125,7 @@ def test_other_cameras_than_those_of_the_settings_are_told(tmp_path):
 def test_a_target_is_taken_by_the_cameras_of_a_room():
     feed = Feed(lambda: None)
     options = CaptureOptions("", "room:arm?cameras=4&frames=24&rate=8&show=lower arm")
-    collector = BodyCollector(options, CollectingControl(), feed, "lower arm", None)
+    collector = BodyCollector(options, CaptureControl(), feed, "lower arm", None)
     collector.run("taking", SILENT)
     shot, _ = feed.take()
     assert len(shot.images) == len(shot.rig.cameras) == 4

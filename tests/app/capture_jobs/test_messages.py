@@ -7,7 +7,7 @@ import time
 
 import numpy as np
 
-from skelgen.app.capture_jobs.camera_images import CameraImage
+from skelgen.app.capture_jobs.images import CameraImage
 from skelgen.app.capture_jobs.messages import INTERVAL, Feed
 from skelgen.capture.values import Balls, FoundBody
 

@@ -3,15 +3,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skelgen.capture.bodies import (
+from skelgen.capture.bodies import BodyFinder
+from skelgen.capture.bodies.design import (
     AmbiguousTargetError,
-    BodyFinder,
-    BodyParameters,
     check_targets,
     find_confusions,
     propose_move,
     propose_targets,
 )
+from skelgen.capture.parameters import BodyParameters
 from skelgen.errors import InputError
 from skelgen.model.rig import BodyTarget
 

@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from skelgen.capture.bodies import BodyFinder, BodyParameters, ExpectedPose, find_bodies
+from skelgen.capture.bodies import BodyFinder, ExpectedPose, find_bodies
+from skelgen.capture.parameters import BodyParameters
 from skelgen.capture.values import StereoPoints
 from skelgen.geometry.rotations import matrix_from_vector, transform_from, vector_from_matrix
 from skelgen.model.rig import BodyTarget

@@ -7,8 +7,7 @@ import pytest
 
 pytest.importorskip("cv2")
 
-from skelgen.capture.calibration.stereo import calibrate_stereo, calibrate_views
-from skelgen.capture.calibration.table import camera_rows
+from skelgen.capture.calibration.stereo import calibrate_stereo, calibrate_views, camera_rows
 from skelgen.capture.reference_rig import reference_rig
 from skelgen.errors import FormatError, InputError
 from skelgen.geometry.rotations import vector_from_matrix

@@ -7,8 +7,8 @@ import pytest
 
 from skelgen.capture.optics import project
 from skelgen.capture.room.calibrate import calibrate_wand, on_ground, point_covariances, room_grid
+from skelgen.capture.room.points import balls_at
 from skelgen.capture.room.simulated import FRAME, WAND, frame_scene, room_rig, wand_scene
-from skelgen.capture.room.values import balls_at
 from skelgen.capture.room.wand_and_ground import check_wand, find_ground, find_wand
 from skelgen.errors import InputError
 from tests.benchmarks.unrendered import views_of_scene

@@ -9,7 +9,7 @@ from skelgen.capture.room.live_sources import LiveSets, run_together
 from skelgen.capture.room.sources import open_room_source
 from skelgen.capture.sources.options import CameraOptions
 from skelgen.capture.sources.pairs import Shot
-from skelgen.errors import CaptureError
+from skelgen.errors import CaptureError, ParameterError
 
 RATE = 100.0
 
@@ -105,3 +105,10 @@ def test_cameras_of_a_room_are_named():
     with pytest.raises(CaptureError, match="names 1 cameras; name each once"):
         open_room_source("gige:10.0.0.2,10.0.0.2")
     assert open_room_source("gige:10.0.0.2,10.0.0.3,10.0.0.4").cameras == ("10.0.0.2", "10.0.0.3", "10.0.0.4")
+
+
+def test_what_no_driver_can_open_is_told_before_cameras_are_opened():
+    with pytest.raises(CaptureError, match=r"gone.cti: no such GenTL producer"):
+        open_room_source("gentl:gone.cti,one,two")
+    with pytest.raises(ParameterError, match="speed is 5; it must be one of"):
+        open_room_source("firewire:1,2?speed=5")

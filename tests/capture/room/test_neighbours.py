@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from skelgen.capture.optics import project
+from skelgen.capture.room.points import balls_at
 from skelgen.capture.room.simulated import room_rig
 from skelgen.capture.room.tracks import RoomTracker
-from skelgen.capture.room.values import balls_at
 from skelgen.geometry.rotations import matrix_from_vector
 
 LIMB = np.array([[0.0, 0, 0], [120, 0, 0], [0, 90, 0], [30, 40, 70]])

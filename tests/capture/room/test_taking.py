@@ -7,9 +7,9 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
+from skelgen.capture.room.points import balls_at
 from skelgen.capture.room.simulated import WAND, room_rig, wand_scene
 from skelgen.capture.room.taking import WandTaking
-from skelgen.capture.room.values import balls_at
 from skelgen.errors import InputError
 from tests.benchmarks.unrendered import views_of_scene
 
@@ -24,8 +24,8 @@ def frames():
     return views_of_scene(wand_scene(rig, N_FRAMES, rate=30.0), rig)
 
 
-def taken(frames, looker=None):
-    taking = WandTaking(NAMES, WAND, looker)
+def taken(frames, executor=None):
+    taking = WandTaking(NAMES, WAND, executor)
     for views in frames:
         taking.add(views, SIZES)
     return taking
@@ -41,8 +41,8 @@ def test_views_and_empty_parts_of_each_image_are_counted(frames):
 
 
 def test_the_room_is_told_while_the_wand_is_waved(frames):
-    with ThreadPoolExecutor(1) as looker:
-        taking = taken(frames, looker)
+    with ThreadPoolExecutor(1) as executor:
+        taking = taken(frames, executor)
     progress = taking.progress()
     assert progress.room is not None
     assert "m, where points are known to" in str(progress)

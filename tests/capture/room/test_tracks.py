@@ -7,10 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from skelgen.capture.room.points import PointMatcher
+from skelgen.capture.room.points import PointMatcher, RoomPoints
 from skelgen.capture.room.simulated import person_scene, room_rig, wand_scene
 from skelgen.capture.room.tracks import PointTracks
-from skelgen.capture.room.values import RoomPoints
 from tests.benchmarks.unrendered import blobs_of
 
 N_FRAMES = 30

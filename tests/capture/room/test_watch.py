@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from skelgen.capture.room.points import balls_at
 from skelgen.capture.room.recording import RoomRecording
 from skelgen.capture.room.simulated import person_scene, room_rig
-from skelgen.capture.room.values import balls_at
 from skelgen.geometry.rotations import matrix_from_vector
 from skelgen.model.rig import CameraRig
 from tests.benchmarks.unrendered import views_of_scene

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from skelgen.capture.calibration.chessboard import uncovered
-from skelgen.capture.simulated_rig import SimulatedBoard
-from skelgen.capture.simulated_rig.board import board_places
+from skelgen.capture.simulated_rig.board import SimulatedBoard, board_places
 from skelgen.capture.sources import open_source
 from skelgen.errors import InputError
 from skelgen.model.rig import StereoRig

@@ -12,17 +12,23 @@ import pytest
 from skelgen.capture.detection import detect_balls
 from skelgen.capture.optics import in_image, project
 from skelgen.capture.reference_rig import reference_arm, reference_rig
-from skelgen.capture.simulated_rig import (
-    RenderParameters,
-    SimulatedRig,
+from skelgen.capture.simulated_rig import SimulatedRig, render_pair, render_view, simulated_rig
+from skelgen.capture.simulated_rig.scene import (
     hand_held_target,
-    render_view,
+    joints_of,
     scene_of_bodies,
-    simulated_rig,
+    scene_of_structure,
+    targets_of,
+    wandering_poses,
 )
-from skelgen.capture.simulated_rig.scene import joints_of, scene_of_structure, targets_of, wandering_poses
-from skelgen.capture.simulated_rig.source import render_pair
-from skelgen.capture.simulated_rig.view import METAL_LEVEL, background, brightness, corner_rays, look_at
+from skelgen.capture.simulated_rig.view import (
+    METAL_LEVEL,
+    RenderParameters,
+    background,
+    brightness,
+    corner_rays,
+    look_at,
+)
 from skelgen.capture.sources import open_source
 from skelgen.errors import InputError, ParameterError
 from skelgen.model.rig import BodyTarget

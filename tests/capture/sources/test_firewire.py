@@ -7,8 +7,7 @@ import os
 import pytest
 
 from skelgen.capture.sources import open_source
-from skelgen.capture.sources.firewire import library
-from skelgen.capture.sources.firewire.bus import common_mode, why_no_camera
+from skelgen.capture.sources.firewire import common_mode, library, why_no_camera
 from skelgen.errors import CaptureError, ParameterError
 
 SMALL, LARGE = (640, 480), (1024, 768)

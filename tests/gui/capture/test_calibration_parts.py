@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QColor
-from skelgen_gui.capture.camera_views import COVERED, CoverageView
 from skelgen_gui.capture.forms import JointForm, LiveChoice
-from skelgen_gui.capture.measured import MotionTable, TurnView
+from skelgen_gui.capture.measured import COVERED, CoverageView, MotionTable, TurnView
 from skelgen_gui.capture.target_steps import RequestList
 from skelgen_gui.widgets.painting import is_dark, theme_palette
 
-from skelgen.app.capture_jobs.board_views import CollectedView
+from skelgen.app.capture_jobs.images import CollectedView
 from skelgen.capture.calibration.chessboard import BoardView
 from skelgen.capture.calibration.joints import JointMotion
 from skelgen.capture.values import JointRequest

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from PySide6.QtCore import QPoint, QPointF, Qt
-from skelgen_gui.capture.live import free_path
+from skelgen_gui.capture.page import free_path
 from skelgen_gui.capture.pictures import BOARD, LOOSE, Pictures, group_colour
 from skelgen_gui.capture.results import MOST_NOTICES, Notices
 from skelgen_gui.capture.space import Space
-from skelgen_gui.project.cameras import cameras_of
+from skelgen_gui.model.viewpoint import cameras_of
 
-from skelgen.app.capture_jobs.camera_images import CameraImage
+from skelgen.app.capture_jobs.images import CameraImage
 from skelgen.app.capture_jobs.messages import FoundInSpace
 from skelgen.capture.calibration.chessboard import BoardView
 from skelgen.capture.optics import project
@@ -33,10 +33,8 @@ def body_of(points, name="wand"):
 def test_pictures_show_balls_bodies_and_boards_in_their_colours(shown, has_colour):
     pair = shown(Pictures())
     corners = np.stack(np.meshgrid(np.arange(100.0, 500, 50), np.arange(100.0, 400, 50)), axis=-1).reshape(-1, 2)
-    pair.show_pair(
-        CameraImage.of_balls(BLACK, balls_at((100, 100), (300, 200)), {0: body_of([0])}, np.array([0])),
-        CameraImage.of_board(BLACK, BoardView(corners, 3.0)),
-    )
+    balls = CameraImage.of_balls(BLACK, balls_at((100, 100), (300, 200)), {0: body_of([0])}, np.array([0]))
+    pair.show_images((balls, CameraImage.of_board(BLACK, BoardView(corners, 3.0))))
     for colour in (LOOSE, group_colour(0), BOARD):
         assert has_colour(pair, colour, least=5)
 
@@ -45,7 +43,7 @@ def test_a_bright_pixel_is_painted_at_its_place(shown):
     image = BLACK.copy()
     image[235:245, 315:325] = 255
     pair = shown(Pictures())
-    pair.show_pair(CameraImage(BLACK), CameraImage(image))
+    pair.show_images((CameraImage(BLACK), CameraImage(image)))
     place = pair.place_of(1, 319.5, 239.5).toPoint()
     assert pair.grab().toImage().pixelColor(place).lightness() > 200
     assert pair.grab().toImage().pixelColor(pair.place_of(0, 319.5, 239.5).toPoint()).lightness() < 50
@@ -123,7 +121,7 @@ def test_notices_are_not_repeated_and_do_not_grow_for_ever(qtbot, shown):
 
 def test_a_picture_is_placed_within_the_widget(shown):
     pair = shown(Pictures(), 800, 300)
-    pair.show_pair(CameraImage(BLACK), CameraImage(BLACK))
+    pair.show_images((CameraImage(BLACK), CameraImage(BLACK)))
     for side in (0, 1):
         for corner in ((0, 0), (639, 479)):
             place = pair.place_of(side, *corner)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import pytest
-from skelgen_gui.model.offers import new_name, offers
 from skelgen_gui.model.selection import Selection
+from skelgen_gui.model.wording import new_name, offers
 
 from skelgen.app.corrections import with_correction
 from skelgen.model import Project

@@ -8,7 +8,7 @@ import pytest
 from PySide6.QtWidgets import QFileDialog, QWidget
 from skelgen_formats.capture_settings import write_settings
 from skelgen_gui.model.viewpoint import cameras_of
-from skelgen_gui.project.cameras import Cameras
+from skelgen_gui.project.context import Cameras
 from skelgen_gui.project.deriving import Deriver
 
 from skelgen.capture.reference_rig import reference_rig

@@ -95,7 +95,7 @@ def test_keys_do_what_the_buttons_do(qtbot, view, key):
     qtbot.keyClick(view, getattr(Qt.Key, f"Key_{key}"))
     by_key = view.viewpoint
     view._camera.move(before)
-    actions = {"1": view.commands.front, "3": view.commands.side, "7": view.commands.top, "F": view.commands.fit}
+    actions = {key: view.commands.moves[act] for key, act in zip("137F", ("front", "side", "top", "fit"), strict=True)}
     actions[key].trigger()
     assert by_key == view.viewpoint
 

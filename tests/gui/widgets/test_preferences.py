@@ -6,10 +6,9 @@ import pytest
 from PySide6.QtCore import QByteArray, QSettings, Qt
 from PySide6.QtGui import QPalette
 from PySide6.QtWidgets import QApplication, QDialogButtonBox, QLabel
-from skelgen_gui.project.file_actions import RecentMenu
 from skelgen_gui.widgets.painting import CHANGED_ROLE, PROBLEM_ROLE, Theme, is_dark, theme_palette
 from skelgen_gui.widgets.preferences import MOST_RECENT, Preferences, PreferenceValues
-from skelgen_gui.window_commands import PreferencesDialog
+from skelgen_gui.window_commands import PreferencesDialog, RecentMenu
 
 READABLE = 4.0
 """Contrast of text on its ground; WCAG 2.1 asks for 4.5, and for 3 where it is large."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from PySide6.QtWidgets import QDialogButtonBox, QFileDialog, QMessageBox
-from skelgen_gui.project.opening import OpenDialog
+from skelgen_gui.project.file_actions import OpenDialog
 
 from skelgen.app.files import open_input
 from skelgen.app.project_file.archive import save_project

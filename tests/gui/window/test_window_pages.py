@@ -8,7 +8,7 @@ from itertools import pairwise
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QScrollArea
 from skelgen_gui.page_stack import SIZE
-from skelgen_gui.pages.stage import StagePage
+from skelgen_gui.pages.steps import StagePage
 
 import skelgen
 from skelgen.model.corrections import Correction

@@ -11,8 +11,8 @@ from PySide6.QtWidgets import QFileDialog
 from skelgen_formats.capture_settings import read_settings, write_settings
 
 from skelgen.capture.reference_rig import reference_rig
-from skelgen.capture.simulated_rig import SimulatedRig, scene_of_bodies, simulated_rig
-from skelgen.capture.simulated_rig.scene import Wandering, wandering_poses
+from skelgen.capture.simulated_rig import SimulatedRig, simulated_rig
+from skelgen.capture.simulated_rig.scene import Wandering, scene_of_bodies, wandering_poses
 from skelgen.capture.sources import open_source
 from skelgen.cli import main
 from skelgen.model.rig import BodyTarget, CaptureSettings, StereoRig

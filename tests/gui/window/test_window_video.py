@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from skelgen_gui.timeline.video import VideoPane
+from skelgen_gui.timeline.player import VideoPane
 
 from skelgen.capture.sources.video import ReferenceVideo
 from skelgen.errors import FormatError

@@ -20,8 +20,8 @@ from PySide6.QtWidgets import (
 from skelgen_gui.model.curves import joint_panels
 from skelgen_gui.model.graph import joint_sentences, pair_sentences
 from skelgen_gui.model.matrix import cell_sentence
-from skelgen_gui.project.file_actions import RecentMenu
 from skelgen_gui.widgets.errors import sentence_of
+from skelgen_gui.window_commands import RecentMenu
 
 from skelgen.app.configuration import parameters_class
 from skelgen.app.drawing.graph import find_cost_graph

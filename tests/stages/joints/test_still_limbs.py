@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import skelgen
+from skelgen.model import Limbs
+from skelgen.simulation import simulate
+from skelgen.stages.joints import JointConstraints, find_joints
 from skelgen.stages.joints.still_limbs import still_limb_notices
 
 MOVING = np.random.default_rng(0).normal(0.0, 100.0, (50, 6, 3))
@@ -38,3 +43,23 @@ def test_arms_that_move_on_a_still_trunk_are_one_body():
     trunk, unseen = np.zeros((50, 20, 3)), np.full((50, 2, 3), np.nan)
     edges = np.array([(0, 1), (1, 2), (1, 3)])
     assert not list(still_limb_notices([MOVING, trunk, MOVING + 500.0, unseen], edges))
+
+
+def on_the_floor(limb, seed=0):
+    """A tree of eight limbs, one of which is fixed in the room, and their markers."""
+    case = simulate("tree:8", seed=seed, n_frames=500)
+    room = np.linalg.inv(case.truth.world_from_limb[:, limb])
+    positions = np.einsum("fij,fmj->fmi", room[:, :3, :3], case.take.positions) + room[:, np.newaxis, :3, 3]
+    positions += np.random.default_rng(seed).normal(0, 0.5, positions.shape)
+    limb_of_marker = case.truth.limb_of_marker
+    limbs = Limbs(limb_of_marker, np.zeros((len(limb_of_marker),) * 2))
+    return replace(case.take, positions=positions), limbs
+
+
+@pytest.mark.parametrize("limb", range(8))
+def test_what_is_fixed_in_the_room_is_the_root(limb):
+    assert find_joints(*on_the_floor(limb)).roots.tolist() == [limb]
+
+
+def test_a_root_that_is_stated_is_the_root_whatever_is_fixed():
+    assert find_joints(*on_the_floor(2), constraints=JointConstraints(roots=[5])).roots.tolist() == [5]

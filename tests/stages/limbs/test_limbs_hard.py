@@ -206,6 +206,26 @@ def test_without_flexibility_small_motions_of_rigid_limbs_are_found(simulated, s
     assert same_partition(limbs.limb_of_marker, case.truth.limb_of_marker)
 
 
+def test_limbs_that_hardly_move_are_found_where_noise_is_alike_on_all(simulated, same_partition):
+    case = simulated("quadruped", n_frames=1000, noise=0.5, motion_range=0.15)
+    assert same_partition(find_limbs(case.take).limb_of_marker, case.truth.limb_of_marker)
+
+
+def test_links_of_a_rope_with_two_markers_each_are_limbs(same_partition):
+    times, rng = np.arange(600) / 100, np.random.default_rng(0)
+    turn, end, plate = Rotation.identity(600), np.zeros((600, 3)), rng.uniform([-80, -80, 20], [80, 80, 180], (6, 3))
+    markers = [np.tile(plate, (600, 1, 1))]  # what it hangs on
+    for link in range(5):
+        swings = np.sin(2 * np.pi * np.outer(times, [0.35 + 0.1 * link, 0.4 + 0.12 * link]) + link * np.array([1, 2]))
+        turn = turn * Rotation.from_euler("xy", np.deg2rad(8) * swings / (1 + 0.3 * link))
+        places = ([14.0, 0, -8], [-14, 14, -72]) if link < 4 else -plate  # and what hangs on it
+        markers.append(np.stack([end + turn.apply(place) for place in places], axis=1))
+        end = end + turn.apply([0.0, 0, -80])
+    positions = np.concatenate(markers, axis=1) + rng.normal(0, 0.4, (600, 20, 3))
+    take = Trajectories(positions, tuple(f"M{number}" for number in range(20)), 100.0)
+    assert same_partition(find_limbs(take).limb_of_marker, np.repeat(np.arange(6), [6, 2, 2, 2, 2, 6]))
+
+
 def test_markers_that_hang_together_by_different_votes_are_not_chained():
     # 0-1 and 1-2 have two votes of three, 0-2 has one
     votes = [np.array([0, 0, 0, 1, 1]), np.array([0, 1, 1, 1, 1]), np.array([0, 0, 1, 1, 1])]

@@ -6,6 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from skelgen.model import Limbs, Trajectories
 from skelgen.stages.repair import RepairParameters, repair_take
@@ -31,6 +32,17 @@ def relabelled(take, cycle, first, last):
 def test_takes_without_errors_pass_untouched(simulated, structure, faults):
     take = simulated(structure, n_frames=600, **faults).take
     assert repair_take(take).trajectories is take
+
+
+@pytest.mark.parametrize("seed", [16, 17])
+def test_a_tool_that_turns_after_it_stood_still_exchanges_no_labels(seed):
+    rng, times = np.random.default_rng(seed), np.arange(1200) / 100
+    turn = np.outer(np.radians(80) * np.clip((times - 10) / 1.2, 0, 1), [1.0, 0, 0])
+    tool, holder = rng.uniform([-10, -40, -40], [70, 40, 40], (3, 3)), np.array([[-60.0, 45, 0], [-30, -45, 10]])
+    turned = np.stack([Rotation.from_rotvec(turn).apply(place) for place in tool], axis=1)
+    positions = np.concatenate([np.tile(holder, (1200, 1, 1)), turned], axis=1)
+    positions += rng.normal(0, 0.3, positions.shape)
+    assert find_swaps(Trajectories(positions, tuple("abcde"), 100.0)) == ()
 
 
 @pytest.mark.parametrize("pair", [("left foot 1", "left foot 3"), ("left shank 1", "right shank 1")])

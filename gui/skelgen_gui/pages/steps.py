@@ -1,4 +1,4 @@
-"""The page of one stage: run it or take a saved result, its parameters, what came out, and what to look at."""
+"""The first page, with what is open, and the page of one stage: its parameters, what came out, and what to look at."""
 
 from functools import partial
 from pathlib import Path
@@ -6,6 +6,7 @@ from pathlib import Path
 from PySide6.QtCore import QCoreApplication, QPoint, Qt
 from PySide6.QtWidgets import (
     QButtonGroup,
+    QFileDialog,
     QGroupBox,
     QLabel,
     QLineEdit,
@@ -20,18 +21,107 @@ from PySide6.QtWidgets import (
 from skelgen.app import STAGE_SUMMARIES
 from skelgen.app.configuration import parameters_class
 from skelgen.app.constraints import stated_number
-from skelgen.app.corrections import with_number
+from skelgen.app.corrections import with_identities, with_number
 from skelgen.app.project_file.archive import SUFFIX, find_result, open_project
 from skelgen.app.project_file.packing import with_saved
-from skelgen.app.stage_summary import Pointer, stage_pointers, stage_sentences
+from skelgen.app.stage_summary import Pointer, stage_pointers, stage_sentences, take_sentences
 from skelgen.model import Project
 from skelgen.progress import Monitor
 from skelgen_gui.model.selection import Selection
 from skelgen_gui.project.context import Context
 from skelgen_gui.project.deriving import Deriver
+from skelgen_gui.project.file_actions import SampleMenu
 from skelgen_gui.widgets.fields import FoundOrGiven, choose_button
 from skelgen_gui.widgets.forms import stage_form
-from skelgen_gui.widgets.layouts import bare_column, column, describe, row_of, scrolled, scrolling, wrap
+from skelgen_gui.widgets.layouts import bare_column, column, put_texts, row_of, scrolled, scrolling, wrap
+from skelgen_gui.widgets.painting import as_rich_text
+
+_PATH = Qt.ItemDataRole.UserRole
+
+
+class OpenPage(QWidget):
+    """Open a recording or a project.
+
+    Parameters
+    ----------
+    context : Context
+        What pages are given.
+    """
+
+    def __init__(self, context: Context) -> None:
+        super().__init__()
+        self._context = context
+        self.setObjectName("page-open")
+        self.take = QLabel(self)
+        self.notices = QLabel(self)
+        self.browse = QPushButton(self.tr("Open a file…"), self)
+        self.samples = QPushButton(self.tr("Open a sample"), self)
+        self.identities = QPushButton(self.tr("Identities…"), self)
+        self.recent = QListWidget(self)
+        for label, name in ((self.take, self.tr("What is open")), (self.notices, self.tr("What the reader did"))):
+            wrap(label, name)
+        self.samples.setMenu(SampleMenu(context.files, self.samples))
+        put_texts(self)
+        invitation = QLabel(self.tr("Drop a recording or a project anywhere on this window, or"), self)
+        wrap(invitation)
+        buttons = row_of(self.browse, self.samples, self.identities, room=True)
+        heading = QLabel(self.tr("Recent files"), self)
+        layout = column(self, (invitation, buttons, self.take, self.notices, heading, self.recent))
+        layout.setStretchFactor(self.recent, 1)
+        context.session.project_changed.connect(self._follow)
+        context.jobs.begun.connect(self._follow_jobs)
+        context.jobs.ended.connect(self._follow_jobs)
+        context.preferences.recent_changed.connect(self._follow_recent)
+        self.browse.clicked.connect(context.files.choose)
+        self.identities.clicked.connect(self._choose_identities)
+        self.recent.itemActivated.connect(lambda item: context.files.open(item.data(_PATH)))
+        self._follow()
+        self._follow_recent()
+
+    def _choose_identities(self) -> None:
+        project = self._context.session.project
+        name, _ = QFileDialog.getOpenFileName(
+            self, self.tr("Identities"), self._context.runner.folder, self.tr("Identities (*.csv)")
+        )
+        if name and project is not None:
+            self._read_identities(Path(name), project)
+
+    def _read_identities(self, path: Path, project: Project) -> None:
+        def work(monitor: Monitor) -> Project:
+            monitor.begin("reading")
+            return with_identities(project, path).before("labels")
+
+        def done(changed: Project) -> None:
+            self._context.document.change(self.tr("identities of {0}").format(path.name), changed)
+
+        self._context.jobs.start(self.tr("Reading {0}").format(path.name), work, done, self._context.report_error)
+
+    def _follow_jobs(self) -> None:
+        """Enable what can be done now: one job at a time."""
+        is_busy = self._context.jobs.is_busy
+        self.browse.setEnabled(not is_busy)
+        self.samples.setEnabled(not is_busy)
+        self.identities.setEnabled(not is_busy and self._context.session.project is not None)
+
+    def _follow(self) -> None:
+        project = self._context.session.project
+        self._follow_jobs()
+        if project is None:
+            self.take.setText(self.tr("Nothing is open. Help > First steps leads through a sample."))
+            self.notices.clear()
+            return
+        self.take.setText("\n".join((project.name, *take_sentences(project.take))))
+        self.notices.setText("\n".join(project.take.notices))
+
+    def _follow_recent(self) -> None:
+        self.recent.clear()
+        for path in self._context.preferences.recent:
+            item = QListWidgetItem(path.name, self.recent)
+            item.setToolTip(as_rich_text(str(path)))
+            item.setData(_PATH, path)
+            if not path.exists():
+                item.setFlags(item.flags() & ~Qt.ItemFlag.ItemIsEnabled)
+
 
 # Stages whose number the user may give, and the correction that holds it
 _NUMBERS = {"labels": "n_markers", "limbs": "n_limbs"}
@@ -55,7 +145,7 @@ class StagePage(QWidget):
         super().__init__()
         self._stage, self._context = stage, context
         self.setObjectName(f"page-{stage}")
-        self.runs, self.uses_saved = QRadioButton(self.tr("Run this step"), self), QRadioButton(self)
+        self.runs, self.uses_saved = QRadioButton(self), QRadioButton(self)
         self.path, title = QLineEdit(self), self.tr("Project file with the saved result")
         kinds = self.tr("Projects (*{0})").format(SUFFIX)
         self._browse = choose_button(self.path, title, kinds, lambda: context.runner.folder)
@@ -78,16 +168,10 @@ class StagePage(QWidget):
         return QCoreApplication.translate("Pages", STAGE_SUMMARIES[self._stage])
 
     def _describe(self) -> None:
-        self.uses_saved.setText(self.tr("Use a saved result"))
-        self.runs.setToolTip(self.tr("Compute this step from the results before it"))
-        self.uses_saved.setToolTip(self.tr("Take the result of this step from a project file of the same recording"))
         self.path.setPlaceholderText(self.tr("project file, {0}").format(SUFFIX))
-        describe(self.path, self.tr("Project file with the saved result"))
-        describe(self._browse, self.tr("Choose the project file with the saved result"))
         wrap(self.result, self.tr("What came out of this step"))
         self.result.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
-        self.warnings.setAccessibleName(self.tr("What to look at; Enter goes there"))
-        self.warnings.setToolTip(self.tr("Choose a line to go to its frame and markers"))
+        put_texts(self)
         self.warnings.setWordWrap(True)
         self.warnings.setAlternatingRowColors(True)
         self.warnings.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)

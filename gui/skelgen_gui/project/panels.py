@@ -1,22 +1,33 @@
-"""The panel of limbs, joints and markers with their names: search, select, rename, hide, and see what needs work."""
+"""Panels beside the views: limbs, joints and markers with their names; and how two results differ."""
 
+import math
 from collections.abc import Iterable
 from functools import partial
 
 from PySide6.QtCore import QEvent, Qt, Signal
 from PySide6.QtGui import QIcon, QPixmap
-from PySide6.QtWidgets import QAbstractItemView, QLineEdit, QTreeWidget, QTreeWidgetItem
+from PySide6.QtWidgets import (
+    QAbstractItemView,
+    QLabel,
+    QLineEdit,
+    QListWidget,
+    QListWidgetItem,
+    QSizePolicy,
+    QTreeWidget,
+    QTreeWidgetItem,
+    QWidget,
+)
 
-from skelgen.app.drawing.wording import whole_percent
+from skelgen.app.comparison import Comparison, compare_results, comparison_sentences
+from skelgen.app.drawing.wording import digits, whole_percent
 from skelgen.model import Project
 from skelgen.model.corrections import Correction
-from skelgen_gui.model.offers import ends_of_joint, naming_markers
 from skelgen_gui.model.selection import Selection
-from skelgen_gui.model.wording import joint_words, limb_words
+from skelgen_gui.model.wording import ends_of_joint, joint_words, limb_words, naming_markers
 from skelgen_gui.project.corrections import CorrectionActions
-from skelgen_gui.project.deriving import PanelWhileSeen
+from skelgen_gui.project.deriving import Deriver, PanelWhileSeen
 from skelgen_gui.project.session import Session
-from skelgen_gui.widgets.layouts import bare_column, describe, fit_columns
+from skelgen_gui.widgets.layouts import bare_column, column, fit_columns, put_texts, wrap
 from skelgen_gui.widgets.painting import colour_of_limb
 
 _KIND, _INDEX = Qt.ItemDataRole.UserRole, Qt.ItemDataRole.UserRole + 1
@@ -66,8 +77,6 @@ class Outline(PanelWhileSeen):
         self._session, self._corrections = session, corrections
         self._hidden: frozenset[str] = frozenset()
         self.search, self.tree = QLineEdit(self), QTreeWidget(self)
-        self.search.setPlaceholderText(self.tr("Search"))
-        describe(self.search, self.tr("Search limbs, joints and markers"), self.tr("Part of a name"))
         self.tree.setHeaderLabels([self.tr("Name"), self.tr("Seen"), self.tr("Doubts")])
         fit_columns(self.tree.header(), _NAME)
         self.tree.setSelectionMode(QAbstractItemView.SelectionMode.ExtendedSelection)
@@ -77,8 +86,7 @@ class Outline(PanelWhileSeen):
         self.tree.setContextMenuPolicy(Qt.ContextMenuPolicy.CustomContextMenu)
         self.tree.setSortingEnabled(True)
         self.tree.sortByColumn(_NAME, Qt.SortOrder.AscendingOrder)
-        tip = self.tr("F2 or a second click renames, the box hides, a click on a head sorts")
-        describe(self.tree, self.tr("Limbs, joints and markers"), tip)
+        put_texts(self)
         bare_column(self, (self.search, self.tree))
         self._is_following = False
         session.project_changed.connect(self._follow_project)
@@ -136,13 +144,13 @@ class Outline(PanelWhileSeen):
                 tops[limb].setIcon(_NAME, self._swatch(limb))
         for marker, limb in enumerate(limb_of_marker):
             item = self._line(_MARKER, marker, names[marker], tops.get(limb, self.tree))
-            for column, text, value in (
+            for number, text, value in (
                 (_SEEN, whole_percent(seen[marker]), seen[marker]),
                 (_DOUBTS, str(doubts[marker] or ""), doubts[marker]),
             ):
-                item.setText(column, text)
-                item.setData(column, _INDEX, value)
-                item.setTextAlignment(column, Qt.AlignmentFlag.AlignRight)
+                item.setText(number, text)
+                item.setData(number, _INDEX, value)
+                item.setTextAlignment(number, Qt.AlignmentFlag.AlignRight)
         if project.has("joints"):
             group = self._line(_GROUP, -1, self.tr("Joints"), self.tree)
             for joint, ends in enumerate(project.topology.edges.tolist()):
@@ -270,3 +278,77 @@ def _children(item: QTreeWidgetItem) -> list[QTreeWidgetItem]:
 
 def _has(text: str, item: QTreeWidgetItem) -> bool:
     return text in item.text(_NAME).lower()
+
+
+_SELECTION = Qt.ItemDataRole.UserRole
+
+
+class ComparisonPanel(QWidget):
+    """A panel that says how much is the same in both results, and lists each difference; a click selects it.
+
+    Parameters
+    ----------
+    session : Session
+        Holds both.
+    """
+
+    def __init__(self, session: Session) -> None:
+        super().__init__()
+        self._session = session
+        self.summary, self.lines = QLabel(self), QListWidget(self)
+        wrap(self.summary, self.tr("How both results agree"))
+        self.summary.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Minimum)
+        self.lines.setWordWrap(True)
+        put_texts(self)
+        column(self, (self.summary, self.lines)).setStretchFactor(self.lines, 1)
+        self.deriver = Deriver(self)
+        session.project_changed.connect(self._follow)
+        session.other_changed.connect(self._follow)
+        self.lines.currentItemChanged.connect(self._select)
+        self._follow()
+
+    def _follow(self) -> None:
+        project, other = self._session.project, self._session.other
+        self.lines.clear()
+        if project is None or other is None or not project.has("labels") or not other.has("labels"):
+            self.deriver.forget()
+            self.summary.setText(self.tr("Choose File > Compare with, and another result of this take."))
+        else:
+            compare, take = partial(compare_results, project, other), partial(self._take, project, other)
+            self.deriver.derive(compare, take, lambda error: self.summary.setText(str(error)))
+
+    def _take(self, project: Project, other: Project, found: Comparison) -> None:
+        self.summary.setText(".\n".join(comparison_sentences(project, other, found)) + ".")
+        names, others = project.trajectories.names, other.trajectories.names
+        for match in sorted(found.joints, key=lambda match: -math.inf if math.isnan(match.median) else -match.median):
+            ends = self.tr("{0} – {1}").format(
+                *(limb_words(project, limb) for limb in project.topology.edges[match.joint].tolist())
+            )
+            if match.other < 0:
+                words = self.tr("{0}: no such joint in the other result").format(ends)
+            elif math.isnan(match.median):
+                continue
+            else:
+                words = self.tr("{0}: {1} mm apart, {2} mm at most, turned by {3}°").format(
+                    ends, digits(match.median), digits(match.largest), digits(math.degrees(match.angle))
+                )
+            self._add(words, Selection(joint=match.joint))
+        for one in sorted(found.markers, key=lambda one: one.share):
+            if one.other < 0:
+                self._add(self.tr("{0}: not in the other result").format(names[one.marker]), _of(one.marker))
+            elif one.share < 1.0 or names[one.marker] != others[one.other]:
+                words = self.tr("{0}: {1} there, the same in {2} of the frames")
+                text = words.format(names[one.marker], others[one.other], whole_percent(one.share))
+                self._add(text, _of(one.marker))
+
+    def _add(self, words: str, selection: Selection) -> None:
+        item = QListWidgetItem(words, self.lines)
+        item.setData(_SELECTION, selection)
+
+    def _select(self, item: QListWidgetItem | None) -> None:
+        if item is not None:
+            self._session.select(item.data(_SELECTION))
+
+
+def _of(marker: int) -> Selection:
+    return Selection(frozenset({marker}))

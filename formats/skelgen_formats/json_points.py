@@ -1,0 +1,229 @@
+"""JSON of points, as scripts, cameras and Qualisys Track Manager write it; a value, or one in each line.
+
+Lists of objects are taken apart into a list for each of their keys, so that ``[{"t": 0, "knee": [1, 2, 3]}, ...]``
+becomes times and the positions of a knee; so are objects in them, and objects whose keys are numbers. ``{"x": 1, "y":
+2, "z": 3}`` is a position. Where each frame lists points with their names, they may be in any order, or missing. What
+is then a list of numbers of any shape is an array, called by the end of its path that no other has; which of them are
+positions, names, rate or times `skelgen_formats.named_arrays` finds. The markers of Track Manager stand in parts, from
+one frame to another.
+"""
+
+import contextlib
+import json
+import re
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skelgen.errors import FormatError
+from skelgen.model import PointCloud, Poses, Trajectories
+from skelgen_formats.lines import Lines, read_lines
+from skelgen_formats.named_arrays import take_from_arrays
+from skelgen_formats.options import POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
+from skelgen_formats.row_owners import array_from_records
+from skelgen_formats.summary_json import SCHEMA
+from skelgen_formats.tidy import read_tidy
+from skelgen_formats.tidy_heads import find_tidy_head
+from skelgen_formats.turn_titles import AXES
+
+_STARTS = re.compile(rb'\s*(?:\{\s*["}]|\[\s*[\[{])')
+_SUFFIXES = (".json", ".jsonl", ".ndjson")
+_NAME_KEYS, _NAMES = ("name", "label"), "names"
+_POSITION = "position"
+_PLACE_WORDS = (_POSITION, "positions", "pos", "translation", "location", "coordinates", "xyz", "data")
+_OTHERWISE = "this is JSON; write the points as TRC or wide CSV, those of images triangulated first"
+_DEEPEST, _MOST_TIMES = 64, 1000  # objects in objects; frames for each one that is listed
+
+_Path = tuple[str, ...]
+
+
+def read_json(path: Path, options: Options) -> Trajectories | PointCloud | Poses:
+    """Read the points of a file.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    options : Options
+        `points`, `recorded_rate`, `recorded_unit` and `sample` count.
+
+    Raises
+    ------
+    FormatError
+        If it is damaged, or holds no positions.
+    """
+    text = "\n".join(line for _, line in read_lines(path).numbered())
+    try:
+        try:
+            value = json.loads(text)
+        except ValueError:
+            value = [json.loads(line) for line in text.splitlines() if line.strip()]
+        if isinstance(value, dict) and value.get("schema") == SCHEMA:
+            raise FormatError(path, "", "this is a summary of skelgen, without positions; open the .skelgen beside it")
+        lines = Lines(path, "\n".join(_table(value)).encode(), "utf-8")
+        if find_tidy_head(lines) is not None:
+            return read_tidy(path, lines, options)
+        leaves = dict(_leaves(_with_whole_markers(value), ()))
+        arrays = {key: _array(leaf) for key, leaf in _spread(path, leaves).items()}
+    except (ValueError, TypeError, LookupError, RecursionError, OverflowError) as error:
+        raise FormatError(path, "", f"no JSON, or damaged: {' '.join(str(error).split())[:100]}") from error
+    for key in [key for key in arrays if len(key) > 1 and key[-1].lower() in _PLACE_WORDS]:
+        arrays.setdefault(key[:-1], arrays.pop(key))
+    several = [key for key in arrays if len(key) > 1 and key[-1] == _NAMES]
+    for key in several if len(several) > 1 else ():
+        arrays.setdefault(key[:-1], arrays[key])
+    ends = {key: [".".join(key[at:]) for at in range(len(key) - 1, -1, -1)] for key in arrays}
+    count = Counter(end for every in ends.values() for end in every)
+    named = {next((end for end in ends[key] if count[end] == 1), ".".join(key)): one for key, one in arrays.items()}
+    return take_from_arrays(path, named, options, _OTHERWISE)
+
+
+def _table(value: Any) -> Iterator[str]:
+    """Yield the lines of a table of records of single values, in a list or in one of an object, if there are any."""
+    lists = [value] if isinstance(value, list) else [*value.values()] if isinstance(value, dict) else []
+    for rows in (rows for rows in lists if isinstance(rows, list) and rows and isinstance(rows[0], dict)):
+        keys = [*rows[0]]
+        cells = [row.get(key) for row in rows for key in keys] if all(isinstance(row, dict) for row in rows) else [[]]
+        if not any(isinstance(cell, (dict, list)) for cell in cells):
+            starts = range(0, len(cells), max(len(keys), 1))
+            yield from ("\t".join(keys), *("\t".join(map(_cell, cells[at : at + len(keys)])) for at in starts))
+            return
+
+
+def _cell(one: Any) -> str:
+    return "" if one is None else " ".join(str(one).split())
+
+
+def _with_whole_markers(value: Any) -> Any:
+    """Return the value with a list for each marker of Track Manager, empty where it has no part."""
+    markers = value.get("Markers") if isinstance(value, dict) else None
+    if not isinstance(markers, list) or not all(isinstance(one, dict) and "Parts" in one for one in markers):
+        return value
+    parts = [(one["Name"], part["Range"]["Start"], part["Values"]) for one in markers for part in one["Parts"]]
+    first = min(start for _, start, _ in parts)
+    last = max(start + len(numbers) for _, start, numbers in parts)
+    if last - first > _MOST_TIMES * sum(len(numbers) for _, _, numbers in parts):
+        raise ValueError("parts that are far from each other")
+    whole = {one["Name"]: [[None] * len(AXES)] * (last - first) for one in markers}
+    for name, start, numbers in parts:
+        whole[name][start - first : start - first + len(numbers)] = [place[: len(AXES)] for place in numbers]
+    return {"unit": "mm", "rate": value["Timebase"]["Frequency"], "Markers": whole}
+
+
+def _leaves(value: Any, path: _Path) -> Iterator[tuple[_Path, Any]]:
+    """Yield what holds no objects, with the keys that lead to it; names of objects in a list under that of the list."""
+    value = _plain(value)
+    keys = [*dict.fromkeys(_keys(value))]
+    if len(path) > _DEEPEST:
+        raise ValueError("objects in objects")
+    for key in keys:
+        is_name = key.lower() in _NAME_KEYS and isinstance(value, list)
+        yield from _leaves(_picked(value, key), (*path, _NAMES if is_name else key))
+    if not keys:
+        yield path, value
+
+
+def _plain(value: Any) -> Any:
+    """Return lists for objects whose keys are numbers, and for those that are a position."""
+    if isinstance(value, list):
+        return [_plain(one) if isinstance(one, (dict, list)) else one for one in value]
+    if not isinstance(value, dict) or not value:
+        return value
+    if all(key.isdecimal() for key in value):
+        return [_plain(one) for one in value.values()]
+    axes = {key.lower(): key for key in value if key.lower() in AXES and not isinstance(value[key], dict)}
+    if len(axes) < len(AXES):
+        return value
+    if value.keys() - axes.values() in ({"w"}, {"W"}):  # a quaternion
+        return [*value.values()]
+    place = [value[axes[axis]] for axis in AXES]
+    others = {key: one for key, one in value.items() if key not in axes.values()}
+    return {**others, _POSITION: place} if others else place
+
+
+def _keys(value: Any) -> Iterator[str]:
+    """Yield the keys of objects, in lists of any depth."""
+    if isinstance(value, dict):
+        yield from value
+    elif isinstance(value, list):
+        for one in value:
+            yield from _keys(one)
+
+
+def _picked(value: Any, key: str) -> Any:
+    """Return what stands under a key, for each object in lists of any depth; None where it has none."""
+    if isinstance(value, list):
+        return [_picked(one, key) for one in value if isinstance(one, (dict, list)) or one is None]
+    return value.get(key) if isinstance(value, dict) else None
+
+
+def _spread(path: Path, leaves: Mapping[_Path, Any]) -> dict[_Path, Any]:
+    """Return leaves with the names that lists of each frame have in common, and their positions in this order."""
+    found = dict(leaves)
+    for key, names in leaves.items():
+        if not _are_texts_of_frames(names) or all(row == names[0] for row in names):
+            continue
+        every = [*dict.fromkeys(name for row in names for name in row)]
+        sizes = [len(row) for row in names]
+        for other, rows in leaves.items():
+            are_lists = other != key and isinstance(rows, list) and all(isinstance(row, list) for row in rows)
+            if not are_lists or [len(row) for row in rows] != sizes:
+                continue
+            if all(isinstance(place, list) and len(place) == len(AXES) for row in rows for place in row):
+                frames = [dict(zip(row, places, strict=True)) for row, places in zip(names, rows, strict=True)]
+                found |= {other: array_from_records(path, frames, every, len(AXES)), key: every}
+    return found
+
+
+def _are_texts_of_frames(value: Any) -> bool:
+    return (
+        isinstance(value, list)
+        and bool(value)
+        and all(isinstance(row, list) and all(isinstance(one, str) for one in row) for row in value)
+    )
+
+
+def _array(leaf: Any) -> NDArray[Any]:
+    """Return an array of numbers or texts, without axes that hold one; an empty one of what is neither."""
+    with contextlib.suppress(ValueError, TypeError):
+        array = np.asarray(_filled(leaf), dtype=np.float64)  # of numbers in quotes, too
+        return array.squeeze(axis=1) if array.ndim == len(AXES) + 1 and array.shape[1] == 1 else array
+    if isinstance(leaf, list) and all(isinstance(row, list) and len(row) == 1 for row in leaf):
+        leaf = [row[0] for row in leaf]
+    if _are_texts_of_frames(leaf):
+        leaf = leaf[0] if all(row == leaf[0] for row in leaf) else ["_".join(row) for row in leaf]
+    is_text = isinstance(leaf, str) or (isinstance(leaf, list) and all(isinstance(one, str) for one in leaf))
+    return np.array(leaf if is_text else [])
+
+
+def _filled(leaf: Any) -> Any:
+    """Return a list with lists of nothing seen for what is empty or missing in it."""
+    if not isinstance(leaf, Sequence) or isinstance(leaf, str):
+        return leaf
+    whole = [_filled(one) for one in leaf]
+    shapes = [one for one in whole if isinstance(one, list) and one]
+    if not shapes or len(shapes) == len(whole):
+        return whole
+    empty = np.full(np.shape(np.asarray(shapes[0], dtype=np.float64)), np.nan).tolist()
+    return [one if isinstance(one, list) and one else empty for one in whole]
+
+
+def _is_json(head: bytes, path: Path) -> bool:
+    name = path.name.lower()
+    return _STARTS.match(head.removeprefix(b"\xef\xbb\xbf")) is not None and not name.endswith(".gltf")
+
+
+FORMAT = Format(
+    name="json",
+    title="JSON of points",
+    suffixes=_SUFFIXES,
+    holds="markers",
+    sniff=_is_json,
+    read=read_json,
+    options=(POINTS, RECORDED_RATE, RECORDED_UNIT),
+    note="Export of Track Manager, in mm, or arrays, records and objects of scripts, as of numpy; not of images.",
+)

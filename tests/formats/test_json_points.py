@@ -1,0 +1,119 @@
+"""JSON of points, as scripts, cameras and Track Manager write it: two points in five frames."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from skelgen_formats.registry import read_take, recognise, write_file
+
+PLACES = [[[frame, 2.5, 3.5], [4.5, 5.5, frame + 0.25]] for frame in range(5)]
+TIMES = [0.0, 0.02, 0.04, 0.06, 0.08]
+NAMES = ["knee", "toe"]
+FRAMES = [*zip(TIMES, PLACES, strict=True)]
+
+
+def axes(place):
+    return dict(zip("xyz", place, strict=True))
+
+
+def by_name(frame):
+    return dict(zip(NAMES, frame, strict=True))
+
+
+def named(frame):
+    return [{"name": name, "position": place} for name, place in by_name(frame).items()]
+
+
+def posed(place):
+    return {"position": axes(place), "orientation": {**axes([0, 0, 0]), "w": 1}}
+
+
+LAYOUTS = {
+    "records": [{"t": t, **by_name(frame)} for t, frame in FRAMES],
+    "objects": [{"time": t, "markers": by_name(map(axes, frame))} for t, frame in FRAMES],
+    "by number": {f"{n}": {"t": t, **by_name(frame)} for n, (t, frame) in enumerate(FRAMES)},
+    "labels": {"frameRate": 50, "labels": [{"name": n} for n in NAMES], "frames": [{"markers": f} for f in PLACES]},
+    "joints": {"fps": 50, "joints": NAMES, "frames": [{"index": 1, "keypoints3d": frame} for frame in PLACES]},
+    "named in frames": {"fps": 50, "frames": [{"markers": named(f)[:: 1 - 2 * (n % 2)]} for n, f in enumerate(PLACES)]},
+    "one body": {
+        "joint_names": NAMES,
+        "frames": [{"timestamp_usec": t * 1e6, "bodies": [{"id": 1, "joint_positions": f}]} for t, f in FRAMES],
+    },
+    "poses of bodies": {"fps": 50, "frames": [{n: posed(p) for n, p in by_name(f).items()} for f in PLACES]},
+    "named poses": {"fps": 50, "frames": [[{"name": n, **posed(p)} for n, p in by_name(f).items()] for f in PLACES]},
+    "hands": {"fps": 50, "frames": [{"hands": [{"side": "l", "joints": named(frame)}]} for frame in PLACES]},
+    "tracks": {"fps": 50, "points": [{"name": n, "at": [axes(f[k]) for f in PLACES]} for k, n in enumerate(NAMES)]},
+    "times in ns": {f"{10**18 + round(t * 1e9)}": {"ts": 10**18 + round(t * 1e9), **by_name(f)} for t, f in FRAMES},
+    "numbers in quotes": [{"t": f"{t}", **{n: [*map(str, p)] for n, p in by_name(f).items()}} for t, f in FRAMES],
+    "tidy": {"data": [{"time": t, "marker": n, **axes(p)} for t, f in FRAMES for n, p in by_name(f).items()]},
+    "split": {
+        "columns": [["time", ""], *([name, axis] for name in NAMES for axis in "xyz")],
+        "index": [0, 1, 2, 3, 4],
+        "data": [[t, *np.ravel(frame)] for t, frame in FRAMES],
+    },
+}
+
+
+FAR = json.dumps(
+    {
+        "Timebase": {"Frequency": 9},
+        "Markers": [{"Name": n, "Parts": [{"Range": {"Start": n * 10**9}, "Values": [[1, 2, 3]]}]} for n in (0, 1)],
+    }
+)
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_points_are_found(put, layout):
+    path = put("points.json", json.dumps(LAYOUTS[layout]))
+    take = read_take(path, recorded_unit="mm")
+    assert recognise(path).name == "json"
+    assert take.names == tuple(NAMES)
+    np.testing.assert_allclose(take.positions, PLACES)
+    assert take.rate == pytest.approx(50.0) or layout == "split"
+
+
+def test_a_value_may_stand_in_each_line(put):
+    take = read_take(put("points.ndjson", "\n".join(map(json.dumps, LAYOUTS["records"]))), recorded_unit="mm")
+    np.testing.assert_allclose(take.positions, PLACES)
+
+
+def test_points_that_frames_do_not_list_are_unseen(put):
+    frames = [{"markers": named(frame)[: 1 + n % 2]} for n, frame in enumerate(PLACES)]
+    take = read_take(put("some.json", json.dumps({"frames": frames})))
+    assert take.names == tuple(NAMES)
+    assert take.seen[:, 1].tolist() == [False, True, False, True, False]
+
+
+def test_what_is_null_is_unseen(put):
+    records = [{**record, "toe": None} if n == 1 else record for n, record in enumerate(LAYOUTS["records"])]
+    assert read_take(put("null.json", json.dumps(records))).seen[:, 1].tolist() == [True, False, True, True, True]
+
+
+def test_parts_of_track_manager_are_put_where_they_belong(put):
+    def part(first, frames, marker):
+        return {
+            "Range": {"Start": first, "End": first + len(frames)},
+            "Values": [[*one[marker], 0.5] for one in frames],
+        }
+
+    parts = [[part(10, PLACES, 0)], [part(10, PLACES[:1], 1), part(12, PLACES[2:], 1)]]
+    markers = [{"Name": name, "Parts": some} for name, some in zip(NAMES, parts, strict=True)]
+    take = read_take(put("walk.json", json.dumps({"Timebase": {"Frequency": 120}, "Markers": markers})))
+    assert (take.names, take.rate) == (tuple(NAMES), 120.0)
+    assert take.seen[:, 1].tolist() == [True, False, True, True, True]
+    np.testing.assert_allclose(take.positions[2], PLACES[2])
+
+
+@pytest.mark.parametrize(
+    "content",
+    ['{"', '{"a": 1}', "[[]]", '{"a": ' * 3000, '{"Markers": [{"Parts": [1], "Name": 2}]}', '[{"x": 1}, 2]', FAR],
+)
+def test_json_without_points_is_refused(refused, put, content):
+    assert "JSON" in refused(put("other.json", content))
+
+
+def test_summary_of_a_project_is_told(refused, tmp_path, small_project):
+    write_file(small_project, tmp_path / "walk.summary.json")
+    assert "this is a summary of skelgen, without positions" in refused(tmp_path / "walk.summary.json")

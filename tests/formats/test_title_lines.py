@@ -1,0 +1,180 @@
+"""Lines above tables of points as recorders and scripts write them: units, names of three columns, numbered rows."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from skelgen_formats.registry import read_take
+
+from skelgen.model import Poses
+from tests.formats.wide_rows import POSITIONS, rows
+
+TITLES = "a_X,a_Y,a_Z,b_X,b_Y,b_Z"
+
+
+def check(take, names=("a", "b")):
+    assert take.names == names
+    np.testing.assert_allclose(take.positions[0], POSITIONS[0])
+
+
+@pytest.mark.parametrize("units", ["[-],[s]" + ",[mm]" * 6, "(),(s)" + ",(mm)" * 6, "-,s" + ",mm" * 6])
+def test_units_may_stand_below_the_titles_in_brackets(put, units):
+    take = read_take(put("units.csv", f"Frame,Time,{TITLES}\n{units}\n" + rows("{0},{1},")))
+    check(take)
+    assert take.rate == pytest.approx(50.0)
+
+
+def test_text_of_codamotion_is_read(put):
+    titles = "\t".join(f"{name}.{what}" for name in "ab" for what in "XYZV")
+    units = "\t".join(["(mm)", "(mm)", "(mm)", "()"] * 2)
+    numbers = "".join(f"{time}\t1\t2\t3\t1\t4\t5\t6\t{seen}\n" for time, seen in ((0.0, 0), (0.005, 1)))
+    head = "CODAmotion Analysis Text\nSave of: Acquisition.1\nTime\tMarker Positions\t\t\t\t\t\t\t\n"
+    take = read_take(put("coda.txt", f"{head}Time\t{titles}\n(s)\t{units}\n{numbers}"))
+    assert (take.names, take.rate, take.seen.tolist()) == (("a", "b"), 200.0, [[True, False], [True, True]])
+
+
+def test_measurement_of_labview_is_read(put):
+    keys = (
+        "Writer_Version\t2",
+        "Separator\tTab",
+        "X_Columns\tOne",
+        "Time_Pref\tRelative",
+        "Operator\tme",
+        "Date\t2024",
+    )
+    head = "\n".join(("LabVIEW Measurement\t", *keys, "Time\t10:11:12", "***End_of_Header***\t", ""))
+    channels = ("Channels\t6", "Samples" + "\t2" * 6, "Date" + "\t2024/03/04" * 6, "Time" + "\t10:11:12.5" * 6)
+    more = ("X_Dimension" + "\tTime" * 6, "X0" + "\t0" * 6, "Delta_X" + "\t0.02" * 6, "***End_of_Header***" + "\t" * 6)
+    titles = "X_Value\t" + TITLES.replace(",", "\t") + "\tComment\n"
+    take = read_take(put("take.lvm", "\n".join((head, *channels, *more, titles)) + rows("{1}\t", delimiter="\t")))
+    check(take)
+    assert take.rate == pytest.approx(50.0)
+
+
+@pytest.mark.parametrize("delimiter", [",", " "])
+def test_rows_of_r_begin_with_their_number(put, delimiter):
+    cells = [["frame", *TITLES.split(",")], *(["1", "1", *map(str, range(100, 106))], ["2", "2", *map(str, range(6))])]
+    text = "\n".join(delimiter.join(f'"{cell}"' if at == 0 or n == 0 else cell for at, cell in enumerate(row))
+                     for n, row in enumerate(cells))  # fmt: skip
+    take = read_take(put("r.txt", text + "\n"))
+    assert take.names == ("a", "b")
+    np.testing.assert_array_equal(take.positions[0], [[100, 101, 102], [103, 104, 105]])
+
+
+def test_rows_of_tidy_tables_of_r_begin_with_their_number(put):
+    lines = [f'"{2 * frame + at + 1}" {frame} "{name}" 1 2 3' for frame in range(3) for at, name in enumerate("ab")]
+    take = read_take(put("r.txt", "\n".join(['"frame" "marker" "x" "y" "z"', *lines, ""])))
+    assert (take.names, take.n_frames) == (("a", "b"), 3)
+
+
+@pytest.mark.parametrize(("titles", "before"), [("a,b", ""), ("frame,time,a,b", "{0},{1},"), ("markers:,a,b", "")])
+def test_each_name_may_stand_for_three_columns(put, titles, before):
+    take = read_take(put("names.csv", f"{titles}\n" + rows(before)))
+    check(take)
+    assert "each name stands for three columns, x, y and z" in take.notices
+
+
+def test_rate_and_unit_may_stand_in_one_line(put):
+    take = read_take(put("pairs.csv", f"Frequency,120,Unit,mm\nSample,{TITLES}\n" + rows("{0},")))
+    check(take)
+    assert take.rate == 120.0
+
+
+@pytest.mark.parametrize(
+    ("titles", "names"),
+    [
+        ("knee_x_L,knee_y_L,knee_z_L,knee_x_R,knee_y_R,knee_z_R", ("knee_L", "knee_R")),
+        ("頭 X座標,頭 Y座標,頭 Z座標,腰 X座標,腰 Y座標,腰 Z座標", ("頭", "腰")),
+        ("/mocap/set/a/x,/mocap/set/a/y,/mocap/set/a/z,/mocap/set/b/x,/mocap/set/b/y,/mocap/set/b/z", ("a", "b")),
+        ("Main.Out.a.r[0],Main.Out.a.r[1],Main.Out.a.r[2],Main.Out.b.r[0],Main.Out.b.r[1],Main.Out.b.r[2]", ("a", "b")),
+        ("a_X(ML),a_Y(AP),a_Z(V),b_X(ML),b_Y(AP),b_Z(V)", ("a", "b")),
+        ("a_pos[mm]_x,a_pos[mm]_y,a_pos[mm]_z,b_pos[mm]_x,b_pos[mm]_y,b_pos[mm]_z", ("a", "b")),
+        ("X [mm] a,Y [mm] a,Z [mm] a,X [mm] b,Y [mm] b,Z [mm] b", ("a", "b")),
+        (TITLES + ",a.scale.x,a.scale.y,a.scale.z", ("a", "b")),
+    ],
+)
+def test_titles_of_further_forms_are_read(put, titles, names):
+    check(read_take(put("forms.csv", f"時間,{titles}\n".encode("cp932") + rows("{1},").encode())), names)
+
+
+def test_sides_that_all_names_begin_with_are_kept(put):
+    titles = TITLES.replace("a_", "R.a_").replace("b_", "R.b_")
+    assert read_take(put("side.csv", f"{titles}\n" + rows())).names == ("R.a", "R.b")
+
+
+def test_units_of_numbers_without_one_are_passed_over(put):
+    titles = ",".join(f"Sensor {n} {what}" for n in (1, 2) for what in ("X [mm]", "Y [mm]", "Z [mm]", "Q0 []"))
+    titles += "".join(f",Sensor {n} Q{axis} []" for n in (1, 2) for axis in "xyz")
+    take = read_take(
+        put("wave.csv", f"Time [s],{titles}\n" + "".join(f"{t},1,2,3,1,4,5,6,1,0,0,0,0,0,0\n" for t in (0, 0.01)))
+    )
+    assert (take.names, take.rate) == (("Sensor 1", "Sensor 2"), 100.0)
+    np.testing.assert_array_equal(take.world_from_body[0, :, :3, 3], [[1, 2, 3], [4, 5, 6]])
+
+
+def test_tags_behind_the_rows_are_no_frames(put):
+    take = read_take(
+        put("net.pts", f"Frame#\t{TITLES}\n".replace(",", "\t") + rows("{0}\t", delimiter="\t") + "</Data>\n</Set>\n")
+    )
+    assert take.n_frames == 2
+
+
+def test_times_of_takes_that_follow_each_other_tell_the_rate(put):
+    lines = "".join(f"{n / 50:.2f},1,2,3,4,5,6\n" for n in range(30)) * 2
+    take = read_take(put("takes.csv", f"time,{TITLES}\n{lines}"))
+    assert (take.rate, take.n_frames) == (pytest.approx(50.0), 60)
+    assert any("times go back in line 32: rows of several takes" in notice for notice in take.notices)
+
+
+def test_table_in_markdown_is_read(put):
+    table = f"Frame,{TITLES}\n{'---,' * 6}---\n" + rows("{0},")
+    take = read_take(put("table.md", "".join(f"| {line.replace(',', ' | ')} |\n" for line in table.splitlines())))
+    check(take)
+    assert take.n_frames == 2
+
+
+@pytest.mark.parametrize("word", ["?", "*", "\\N", "#VALUE!", "occluded", "ERR", "void"])
+def test_words_for_what_is_unseen_are_understood(put, word):
+    take = read_take(put("words.csv", f"Frame,{TITLES}\n0,1,2,3,4,5,6\n1,1,2,3,{word},{word},{word}\n"))
+    assert take.seen.tolist() == [[True, True], [True, False]]
+
+
+@pytest.mark.parametrize("numbers", ['"0,125","-12,5"', "0.125,\u221212.5", "1.25D-01,-1.25D+01"])
+def test_numbers_of_other_spellings_are_understood(put, numbers):
+    text = f"Frame,{TITLES}\n" + "".join(f"{frame},{numbers},3,4,5,6\n" for frame in range(2))
+    np.testing.assert_array_equal(read_take(put("n.csv", text), recorded_unit="mm").positions[1, 0], [0.125, -12.5, 3])
+
+
+def test_marks_between_thousands_are_no_decimal_commas(refused, put):
+    assert "is not a number" in refused(put("n.csv", f"Frame,{TITLES}\n" + '0,"1,250",2,3,4,5,6\n' * 2))
+
+
+@pytest.mark.parametrize(
+    "titles",
+    [
+        ",".join(f"{name}-{axis}-mm" for name in "ab" for axis in "XYZ"),
+        ",".join(f"{axis} of {name}" for name in "ab" for axis in "xyz"),
+    ],
+)
+def test_units_behind_hyphens_and_axes_of_names_are_understood(put, titles):
+    check(read_take(put("spelt.csv", f"Time-s,{titles}\n" + rows("{1},"))))
+
+
+def test_of_two_versions_of_a_coordinate_the_first_counts(put):
+    titles = ",".join(f"{name}_{axis}_{version}" for version in ("raw", "filt") for name in "ab" for axis in "xyz")
+    take = read_take(put("two.csv", f"Frame,{titles}\n" + "".join(f"{n},1,2,3,4,5,6,1,2,3,4,5,7\n" for n in range(2))))
+    assert take.names == ("a", "b")
+    assert any("second versions of coordinates are left out: a_x_filt" in notice for notice in take.notices)
+
+
+def test_words_of_flags_are_understood(put):
+    titles = ",".join(f"{name}_{what}" for name in "ab" for what in ("x", "y", "z", "visible"))
+    lines = "0,1,2,3,True,4,5,6,True\n1,1,2,3,True,4,5,6,False\n"
+    assert read_take(put("flags.csv", f"Frame,{titles}\n{lines}")).seen.tolist() == [[True, True], [True, False]]
+
+
+def test_bodies_count_more_than_a_single_point(put):
+    titles = ",".join([*(f"head_{what}" for what in ("x", "y", "z", "qx", "qy", "qz", "qw")), "gaze_x,gaze_y,gaze_z"])
+    take = read_take(put("gaze.csv", f"Frame,{titles}\n" + "".join(f"{n},1,2,3,0,0,0,1,4,5,{n}\n" for n in range(3))))
+    assert isinstance(take, Poses)
+    assert "1 point without a rotation is left out" in take.notices
