@@ -39,7 +39,7 @@ class Sample(NamedTuple):
 
 
 OF_SETS = Sample(300, 140, 320, 32)  # in each set
-OF_PLACES = Sample(500, 240, 1000, 48)  # which do not tell by themselves who wears them
+OF_PLACES = Sample(500, 240, 1000, 48)  # in no set: they fit many things but for how people move
 N_BEGINNINGS = 24  # postures from which searches begin, each the middle of people who are alike
 FIRST_SEED, N_FRAMES = 7000, 200
 PLACED = 15.0  # mm, one standard deviation of a coordinate between examiners (Della Croce et al. 2005)

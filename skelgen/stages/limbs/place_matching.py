@@ -4,7 +4,7 @@ The 153 places are those of all sets together, and their usual distances to each
 (``tables/worn_places.npz``, made by tests/benchmarks/learn_sets.py), from people in any posture, whose markers miss
 their places as those of different examiners do (Della Croce et al., Gait & Posture 21 (2005) 226-237). A search begins
 with the sets that fit best and, where markers fit badly from there, with single markers at single places; where the
-best of these ends, each arm and leg is sought anew. A place that is taken on one side is likely taken on the other, and
+best of these end, each arm and leg is sought anew. A place that is taken on one side is likely taken on the other, and
 markers on one segment move as one limb.
 """
 
@@ -33,15 +33,14 @@ LIMB_ANEW = Rounds((0.95, 0.8, 0.9, 1.0, 1.0))
 """The same of a search that begins with all limbs but one: arms and legs are often taken for a segment too high."""
 
 GOOD, ACCEPTABLE = 0.6, 0.95
-"""Mean cost of a marker below which no other beginning is looked for, and below which the end of a search is one: of
-animals and trees one in two hundred has less, of people who lack half of their markers and more nine in ten."""
+"""Mean cost of a marker below which no other beginning is looked for, and below which the end of a search is one."""
 
 SEARCHES, TRIED, LEADS = 4, 12, 5
 """Beginnings in each posture, how many postures are tried, and how often a search goes on from the best."""
 
-TURNS = 2
-"""How often each limb is sought anew from where the search ends; it goes on from the best end only, as from the fourth
-best a racing wheelchair passes for legs."""
+ENDS, TURNS = 5, 2
+"""From how many of the best ends the search goes on until one is good, and how often each limb is sought anew from
+there."""
 
 AT_NO_PLACE = 1.5
 """Cost of a marker that is at none of these places, in the search."""
@@ -104,7 +103,7 @@ def _beginnings(shape: Shape, sets: tuple[tuple[Match, WornSet], ...]) -> tuple[
     if cost >= GOOD:
         others = [min(matches(shape, posed, SEARCHES), key=_misfit) for posed in _places_in_postures()]
         tried = [_search(shape, start, silent) for start in sorted(others, key=_misfit)[:TRIED]]
-        best, cost = _with_limbs_anew(shape, _led_on(shape, [(best, cost), *tried]))
+        best, cost = _gone_on(shape, sorted([(best, cost), *tried], key=_cost)[:ENDS])
     return (*starts, best) if cost < ACCEPTABLE else starts
 
 
@@ -134,6 +133,16 @@ def _led_on(shape: Shape, ends: Sequence[tuple[Match, float]]) -> tuple[Match, f
             break
         found = after
     return found
+
+
+def _gone_on(shape: Shape, ends: Sequence[tuple[Match, float]]) -> tuple[Match, float]:
+    """The best of where searches end that go on from each of some ends, until one is good."""
+    found = []
+    for end in ends:
+        found.append(_with_limbs_anew(shape, _led_on(shape, [end])))
+        if found[-1][1] < GOOD:
+            break
+    return min(found, key=_cost)
 
 
 def _with_limbs_anew(shape: Shape, end: tuple[Match, float]) -> tuple[Match, float]:

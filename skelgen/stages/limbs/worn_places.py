@@ -66,8 +66,8 @@ MIRRORED = 0.5
 """Weight of a pair's mirror image in the log odds of the pair, where places are believed: both sides are alike."""
 
 AT_PLACES, NOT_AT_PLACES = 0.8, 1.0
-"""Misfit up to which places are believed, and from which they are not at all: people's is .1 to 1.1, animals' 1.1 and
-more."""
+"""Misfit up to which places are believed, and from which they are not at all: of people it is .1 to .9 where nearly all
+places are right, of animals and trees .99 and more."""
 
 PLACE_FITS, PLACE_DOES_NOT = 1.0, 1.4
 """The same of a single place, beyond what is believed of all: arms may be mistaken, and legs right. On people in sets
