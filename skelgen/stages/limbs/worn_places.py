@@ -6,7 +6,7 @@ do that fit well, where neither a set nor all places are believed.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -76,15 +76,16 @@ that are not known .94 and more of the pairs of markers that fit so well are rig
 SURE_SEGMENTS, SURE_COUNTS = ("chest", "head"), 0.7
 """Segments whose markers are seldom mistaken, and how much their misfits count."""
 
-WELL = 0.4
+WELL = 0.35
 """Misfit of a marker that fits its place well."""
 
-SOME_FIT, NONE_FIT = 0.33, 0.22
-"""Part of all markers that fit well, from which single places are believed, and below which none is: people have .34
-and more in any posture, animals and trees .2 and less."""
+SOME_FIT, NONE_FIT = 0.35, 0.3
+"""Part of all markers that fit well, from which single places are believed, and below which none is: recorded people
+have .35 and more, animals and trees .3 and less."""
 
 ENOUGH_SEGMENTS = 8
-"""Segments with markers, from which single places are believed: part of a body may fit other parts in another size."""
+"""Segments with markers, from which single places are believed, and bodies joined to a person: part of a body may fit
+other parts in another size, and two machines beside each other some of them."""
 
 SURE_PLACES = 0.75
 """Misfit up to which places say where joints lie."""
@@ -282,8 +283,13 @@ def believed_places(positions: Floats, by_motion: Floats) -> Believed | None:
     if len(by_motion) < ENOUGH_MARKERS:
         return Believed(match, places, float(beyond_doubt * borne_out))
     some = part_of((match.misfits < WELL).sum() / len(by_motion), SOME_FIT, NONE_FIT)
-    single = float(some) if len(np.unique(places.segments[match.of_set])) >= ENOUGH_SEGMENTS else 0.0
-    return Believed(match, places, float(part_of(match.misfit, AT_PLACES, NOT_AT_PLACES) * borne_out), single)
+    found = Believed(match, places, float(part_of(match.misfit, AT_PLACES, NOT_AT_PLACES) * borne_out), float(some))
+    return found if _n_segments(found) >= ENOUGH_SEGMENTS else replace(found, single=0.0)
+
+
+def _n_segments(places: Believed) -> int:
+    """How many segments markers are taken to be on."""
+    return len(np.unique(places.worn.segments[places.match.of_set]))
 
 
 def with_whole_people(positions: Floats, body_of_marker: Ints) -> Ints:
@@ -310,9 +316,9 @@ def with_whole_people(positions: Floats, body_of_marker: Ints) -> Ints:
 
 
 def _are_of_one_person(positions: Floats, is_part: Bools) -> bool:
-    """Whether markers are at usual places, and each of some of them is."""
+    """Whether markers are at usual places of enough segments, and each of some of them is."""
     places = believed_places(positions, np.zeros((positions.shape[1],) * 2))
-    if places is None or places.match.misfit >= AT_PLACES:
+    if places is None or places.match.misfit >= AT_PLACES or _n_segments(places) < ENOUGH_SEGMENTS:
         return False
     at_place = places.match.markers[places.match.misfits < MARKER_FITS]
     return bool(np.isin(np.flatnonzero(is_part), at_place).all())
