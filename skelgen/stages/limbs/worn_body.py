@@ -6,11 +6,12 @@ from skelgen.kinematics.calibration.known_body import MISPLACED, KnownBody
 from skelgen.model.arrays import Floats, Ints, spread_frames
 from skelgen.simulation.articulated import Structure
 from skelgen.simulation.people import usual_person
+from skelgen.stages.limbs.place_matching import costs_of_places, worn_places
 from skelgen.stages.limbs.revision import are_plates
 from skelgen.stages.limbs.set_matching import Match
-from skelgen.stages.limbs.worn_places import Believed, Wear, believed_wear, sure_places, worn_set
+from skelgen.stages.limbs.worn_places import INDEPENDENT, Believed, Wear, believed_wear, sure_places, worn_set
 from skelgen.stages.limbs.worn_sets import MARKER_DOES_NOT, belief_in_set, part_of
-from skelgen.stages.limbs.worn_shapes import WornSet
+from skelgen.stages.limbs.worn_shapes import WornSet, shape_of
 
 AGREED = 0.8
 """Part of the pairs on one limb that the set must have on one segment: else it is not that set."""
@@ -65,7 +66,8 @@ def worn_body(positions: Floats, limb_of_marker: Ints) -> KnownBody | None:
         return None
     match, worn, together = found
     person = usual_person(worn.name)
-    offsets = np.concatenate([limb.markers for limb in person.limbs])[match.of_set]
+    offsets = np.concatenate([limb.markers for limb in person.limbs])
+    offsets = _expected(positions, match, offsets) if worn is worn_places() else offsets[match.of_set]
     segments = worn.segments[match.of_set]
     size = _size(positions[:, match.markers], offsets, together)
     mirror = MIRROR if _is_mirrored(positions[:, match.markers], person, match) else np.ones(3)
@@ -75,6 +77,15 @@ def worn_body(positions: Floats, limb_of_marker: Ints) -> KnownBody | None:
     places[match.markers] = size * mirror * offsets
     joints = np.array([limb.joint for limb in person.limbs])
     return KnownBody(segment_of_marker, places, person.parents, size * mirror * joints, misplaced)
+
+
+def _expected(positions: Floats, match: Match, places: Floats) -> Floats:
+    """Where markers are expected on their segments [mm], (n_matched, 3): some places of a segment fit nearly alike."""
+    costs = costs_of_places(shape_of(positions), match, np.zeros((positions.shape[1],) * 2))[match.markers]
+    segments = worn_places().segments
+    costs[segments[match.of_set][:, np.newaxis] != segments] = np.inf
+    likely = np.exp(-0.5 * INDEPENDENT * (costs - costs.min(axis=1, keepdims=True)))
+    return np.asarray(likely @ places / likely.sum(axis=1, keepdims=True))
 
 
 def _on_limbs(found: tuple[Match, WornSet] | None, limb_of_marker: Ints) -> tuple[Match, WornSet, np.ndarray] | None:
