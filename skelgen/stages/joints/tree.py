@@ -3,7 +3,8 @@
 A spanning tree joins whatever is seen together: two persons, a person and a chair. Such an edge wobbles as limbs do
 that have nothing to do with each other; or it could as well be another edge, because no place is better than the
 others, and is much dearer than joints of this take are and far from all markers, or has a gap that none of these could
-have. If noise does not explain its gap, it is cut, and bodies are separate trees.
+have and several limbs on both sides: a single one may be of markers that were mistaken for each other. If noise does
+not explain its gap, it is cut, and bodies are separate trees.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -227,10 +228,12 @@ def _false_joints(parents: Ints, costs: JointCosts, guesses: Mapping[Pair, Joint
     distances = np.array([guesses[pair].distance for pair in pairs])
     false = np.sqrt(3 * squares) > LOOSE * parting.radius
     unexplained = np.array([is_no_joint(guesses[pair]) for pair in pairs])
+    borne = branches(parents)[children]
+    several = np.minimum(borne.sum(axis=1), (~borne).sum(axis=1)) > 1
     if len(children) >= ENOUGH_JOINTS:
         rivals = cheapest_rivals(parents, np.where(np.isfinite(costs.comparable), costs.comparable, np.nan))
         replaceable = np.array([rivals[int(child)][1] < REPLACEABLE * dear[i] for i, child in enumerate(children)])
-        unlikely = unexplained & (costs.surprise(children, above) > UNLIKELY)
+        unlikely = unexplained & several & (costs.surprise(children, above) > UNLIKELY)
         false |= replaceable & (unlikely | (_exceeds(dear, DEAR) & _exceeds(distances, FAR)))
         false &= squares > costs.expected[children, above]
     else:  # of so few, each would be usual by itself
@@ -240,8 +243,7 @@ def _false_joints(parents: Ints, costs: JointCosts, guesses: Mapping[Pair, Joint
     false |= np.array([slide is not None for slide in slides]) & unexplained
     around = [slide is not None and len(tree_path(parents, *slide[0])) == BESIDE for slide in slides]
     false |= np.array(around) & (squares > CHANCE * costs.expected[children, above])
-    borne = branches(parents)
-    false &= np.array([not parting.of_one[np.ix_(borne[child], ~borne[child])].any() for child in children])
+    false &= np.array([not parting.of_one[np.ix_(branch, ~branch)].any() for branch in borne])
     return [edge for edge, is_false in zip(edges, false.tolist(), strict=True) if is_false]
 
 
