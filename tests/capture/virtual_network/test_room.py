@@ -14,7 +14,7 @@ with open_room_source("gige:{names}?rate=20&skew=100&timeout=0.5&frames={frames}
         found["there"].append([image is not None for image in frame.images])
         found["shapes"].append([list(image.shape) for image in frame.images if image is not None])
         found["index"].append(frame.index)
-        if frame.index == {gone}:
+        if 0 <= {gone} <= frame.index:  # on a busy machine, one may be lost
             cameras[2].kill()
 """
 
