@@ -55,6 +55,14 @@ MOTION_COUNTS = 0.75
 """Part of its log odds that a pair on one segment counts: what pairs do depends on each other."""
 
 
+INDEPENDENT = 12.0
+"""So many of a marker's distances are independent: then the segments of simulated people in sets that are not known are
+as likely as they are right (log odds of -3, 1.5, 3 and 5 where -2.9 and less, 1.3, 3 and 5.2 are found)."""
+
+MISTAKEN = 0.03
+"""Probability that all places are wrong, which bounds the odds: soft bodies that are no person may fit as well."""
+
+
 @cache
 def worn_places() -> WornSet:
     """Return the shape of all places at once."""
@@ -199,6 +207,33 @@ def costs_of_places(shape: Shape, match: Match, by_motion: Floats) -> Floats:
     """
     misfits = misfits_in_posture(shape, worn_places(), match.markers, match.of_set)
     return misfits + _beside_misfits(by_motion, match.markers, match.of_set)
+
+
+def likely_places(costs: Floats) -> Floats:
+    """Return how likely each marker is at each place by what it costs there, shape (n_markers, n_places).
+
+    Parameters
+    ----------
+    costs : ndarray, shape (n_markers, n_places)
+        As of `costs_of_places`; infinite where a marker is not.
+    """
+    likely = np.exp(-0.5 * INDEPENDENT * (costs - costs.min(axis=1, keepdims=True)))
+    return np.asarray(likely / likely.sum(axis=1, keepdims=True))
+
+
+def segment_odds(shape: Shape, match: Match, by_motion: Floats) -> Floats:
+    """Return the log odds that two markers share a segment, over all places that each may be at (n_markers, n_markers).
+
+    Parameters
+    ----------
+    shape, match, by_motion
+        As for `costs_of_places`.
+    """
+    on_segment = likely_places(costs_of_places(shape, match, by_motion)) @ _is_on_segment()
+    together = np.clip(on_segment @ on_segment.T, MISTAKEN, 1.0 - MISTAKEN)
+    odds = np.log(together / (1.0 - together))
+    np.fill_diagonal(odds, 0.0)
+    return np.asarray(odds)
 
 
 @cache

@@ -6,10 +6,10 @@ from skelgen.kinematics.calibration.known_body import MISPLACED, KnownBody
 from skelgen.model.arrays import Floats, Ints, spread_frames
 from skelgen.simulation.articulated import Structure
 from skelgen.simulation.people import usual_person
-from skelgen.stages.limbs.place_matching import costs_of_places, worn_places
+from skelgen.stages.limbs.place_matching import costs_of_places, likely_places, worn_places
 from skelgen.stages.limbs.revision import are_plates
 from skelgen.stages.limbs.set_matching import Match
-from skelgen.stages.limbs.worn_places import INDEPENDENT, Believed, Wear, believed_wear, sure_places, worn_set
+from skelgen.stages.limbs.worn_places import Believed, Wear, believed_wear, sure_places, worn_set
 from skelgen.stages.limbs.worn_sets import MARKER_DOES_NOT, belief_in_set, part_of
 from skelgen.stages.limbs.worn_shapes import WornSet, shape_of
 
@@ -84,8 +84,7 @@ def _expected(positions: Floats, match: Match, places: Floats) -> Floats:
     costs = costs_of_places(shape_of(positions), match, np.zeros((positions.shape[1],) * 2))[match.markers]
     segments = worn_places().segments
     costs[segments[match.of_set][:, np.newaxis] != segments] = np.inf
-    likely = np.exp(-0.5 * INDEPENDENT * (costs - costs.min(axis=1, keepdims=True)))
-    return np.asarray(likely @ places / likely.sum(axis=1, keepdims=True))
+    return np.asarray(likely_places(costs) @ places)
 
 
 def _on_limbs(found: tuple[Match, WornSet] | None, limb_of_marker: Ints) -> tuple[Match, WornSet, np.ndarray] | None:

@@ -14,7 +14,7 @@ import numpy as np
 from skelgen.marker_sets import EVERY_PLACE
 from skelgen.model.arrays import Bools, Floats, Ints, spread_frames
 from skelgen.simulation.people import usual_person
-from skelgen.stages.limbs.place_matching import costs_of_places, mirror_images, nearest_places
+from skelgen.stages.limbs.place_matching import mirror_images, nearest_places, segment_odds
 from skelgen.stages.limbs.set_matching import Match
 from skelgen.stages.limbs.worn_sets import (
     BEYOND_DOUBT,
@@ -52,15 +52,8 @@ and one on the hand keep their distances, whatever the wrist does."""
 PARTED_WELL, NOT_WELL = (0.5, 0.7), (1.0, 0.9)
 """Misfit of either marker, and of all, up to which places part so surely, and from which they do not."""
 
-INDEPENDENT = 12.0
-"""So many of a marker's distances are independent: then the segments of simulated people in sets that are not known are
-as likely as they are right (log odds of -3, 1.5, 3 and 5 where -2.9 and less, 1.3, 3 and 5.2 are found)."""
-
 SURER = 1.5
 """Factor on the log odds of a set that fits beyond doubt: its word counts more than the motion of skin."""
-
-MISTAKEN = 0.03
-"""Probability that all places are wrong, which bounds the odds: soft bodies that are no person may fit as well."""
 
 MIRRORED = 0.5
 """Weight of a pair's mirror image in the log odds of the pair, where places are believed: both sides are alike."""
@@ -84,8 +77,11 @@ SOME_FIT, NONE_FIT = 0.35, 0.3
 have .35 and more, animals and trees .3 and less."""
 
 ENOUGH_SEGMENTS = 8
-"""Segments with markers, from which single places are believed, and bodies joined to a person: part of a body may fit
-other parts in another size, and two machines beside each other some of them."""
+"""Segments with markers, from which single places are believed: part of a body may fit other parts in another size."""
+
+LEAST_SEGMENTS, TRUNK = 7, ("pelvis", "chest")
+"""The same for bodies that are joined to a person, and what is among them: half a person has no fewer, and two machines
+beside each other fit parts of arms and legs."""
 
 SURE_PLACES = 0.75
 """Misfit up to which places say where joints lie."""
@@ -292,6 +288,12 @@ def _n_segments(places: Believed) -> int:
     return len(np.unique(places.worn.segments[places.match.of_set]))
 
 
+def _has_trunk_and_limbs(places: Believed) -> bool:
+    """Whether markers are on enough segments, and on the trunk."""
+    names = np.array(usual_person(EVERY_PLACE).limb_names)[places.worn.segments[places.match.of_set]]
+    return len(set(names)) >= LEAST_SEGMENTS and bool(np.isin(names, TRUNK).any())
+
+
 def with_whole_people(positions: Floats, body_of_marker: Ints) -> Ints:
     """Return the body of each marker, where bodies whose markers are all at places of one person are one.
 
@@ -318,32 +320,10 @@ def with_whole_people(positions: Floats, body_of_marker: Ints) -> Ints:
 def _are_of_one_person(positions: Floats, is_part: Bools) -> bool:
     """Whether markers are at usual places of enough segments, and each of some of them is."""
     places = believed_places(positions, np.zeros((positions.shape[1],) * 2))
-    if places is None or places.match.misfit >= AT_PLACES or _n_segments(places) < ENOUGH_SEGMENTS:
+    if places is None or places.match.misfit >= AT_PLACES or not _has_trunk_and_limbs(places):
         return False
     at_place = places.match.markers[places.match.misfits < MARKER_FITS]
     return bool(np.isin(np.flatnonzero(is_part), at_place).all())
-
-
-def segment_odds(shape: Shape, places: Believed, by_motion: Floats) -> Floats:
-    """Return the log odds that two markers share a segment, over all places that each may be at (n_markers, n_markers).
-
-    Parameters
-    ----------
-    shape : Shape
-        Of the take.
-    places : Believed
-        What markers are taken for.
-    by_motion : ndarray, shape (n_markers, n_markers)
-        Log odds by what each pair does.
-    """
-    costs = costs_of_places(shape, places.match, by_motion)
-    likely = np.exp(-0.5 * INDEPENDENT * (costs - costs.min(axis=1, keepdims=True)))
-    likely /= likely.sum(axis=1, keepdims=True)
-    on_segment = likely @ np.eye(places.worn.segments.max() + 1)[places.worn.segments]
-    together = np.clip(on_segment @ on_segment.T, MISTAKEN, 1.0 - MISTAKEN)
-    odds = np.log(together / (1.0 - together))
-    np.fill_diagonal(odds, 0.0)
-    return np.asarray(odds)
 
 
 def _of_mirror_images(match: Match, by_motion: Floats) -> Floats:
@@ -376,7 +356,7 @@ def _odds_of_places(shape: Shape, places: Believed, by_motion: Floats) -> Floats
     """
     odds = PART_OF_PLACES * _pair_odds(places, len(by_motion))
     parted = odds < 0
-    odds[parted] = np.minimum(OF_PARTING * odds, segment_odds(shape, places, by_motion))[parted]
+    odds[parted] = np.minimum(OF_PARTING * odds, segment_odds(shape, places.match, by_motion))[parted]
     odds[parted] *= (1.0 + (SURELY_PARTED - 1.0) * _fit_well(places.match, len(odds)))[parted]
     return odds
 

@@ -14,6 +14,7 @@ from skelgen.stages.limbs import LimbConstraints, LimbParameters, find_limbs
 from skelgen.stages.limbs.bodies import find_bodies, seen_together
 from skelgen.stages.limbs.held_bodies import with_held_bodies
 from skelgen.stages.limbs.worn_places import with_whole_people
+from skelgen.stages.limbs.worn_sets import HALVES
 
 OPTIONS = {"n_frames": 250, "noise": 0.3, "marker_set": "animation-41", "motion": "walk", "soft_tissue": "realistic"}
 
@@ -129,6 +130,15 @@ def test_leg_below_knee_without_its_knee_is_part_of_its_person(seed):
     parted = np.array([int(name.startswith("R") and name.endswith(BELOW_KNEE)) for name in names], dtype=np.intp)
     assert parted.sum() == len(BELOW_KNEE)
     assert len(np.unique(with_whole_people(person.positions[:, kept], parted))) == 1
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_half_a_person_is_whole(seed):
+    person = simulate("human", seed=seed, **OPTIONS)
+    limbs = np.array(person.truth.limb_names)[person.truth.limb_of_marker]
+    lower = np.isin(limbs, HALVES["lower"])
+    parted = np.isin(limbs[lower], ["right shank", "right foot"]).astype(np.intp)
+    assert len(np.unique(with_whole_people(person.take.positions[:, lower], parted))) == 1
 
 
 @pytest.mark.parametrize("distance", [300.0, 1000.0])

@@ -15,7 +15,7 @@ from skelgen.simulation import simulate
 from skelgen.simulation.people import natural_motion, person
 from skelgen.stages.limbs import LimbParameters, find_limbs
 from skelgen.stages.limbs.pair_evidence import log_odds
-from skelgen.stages.limbs.place_matching import nearest_places, worn_places
+from skelgen.stages.limbs.place_matching import nearest_places, segment_odds, worn_places
 from skelgen.stages.limbs.revision import is_worn
 from skelgen.stages.limbs.set_matching import Match, matches
 from skelgen.stages.limbs.worn_places import (
@@ -24,7 +24,6 @@ from skelgen.stages.limbs.worn_places import (
     Wear,
     believed_places,
     believed_wear,
-    segment_odds,
     worn_odds,
 )
 from skelgen.stages.limbs.worn_sets import (
@@ -151,7 +150,7 @@ def test_places_of_few_markers_are_found_where_no_set_is_near() -> None:
 def test_markers_share_segments_as_often_as_their_places_say() -> None:
     shape, places, by_motion, limb = _at_places()
     pairs = np.triu_indices(len(limb), 1)
-    odds, together = segment_odds(shape, places, by_motion)[pairs], (limb[:, np.newaxis] == limb)[pairs]
+    odds, together = segment_odds(shape, places.match, by_motion)[pairs], (limb[:, np.newaxis] == limb)[pairs]
     assert together[odds < -3].mean() < 0.01
     assert together[odds > 3].mean() > 0.95
     assert (odds > 3).sum() > together.sum() / 2
