@@ -19,6 +19,9 @@ JACOBI_TOLERANCE = 1e-31
 RANK_TOLERANCE = 1e-12
 """Directions whose information is below this part of the largest are not determined: double precision ends there."""
 
+PIVOT = 1e-13
+"""Of a variance: what is left of it beside others is at least this; rounding may leave less, or negative numbers."""
+
 OWN_RIDGE = 1e-14
 """Of a frame's own normal matrix: keeps angles that nothing measures in place."""
 
@@ -196,10 +199,11 @@ def write_inverse_root(matrix: Floats, out: Floats) -> None:
     """
     size = len(matrix)
     for j in range(size):
+        least = max(PIVOT * matrix[j, j], TINY)
         for i in range(j, size):
             for k in range(j):
                 matrix[i, j] -= matrix[i, k] * matrix[j, k]
-            matrix[i, j] = math.sqrt(max(matrix[j, j], TINY)) if i == j else matrix[i, j] / matrix[j, j]
+            matrix[i, j] = math.sqrt(max(matrix[j, j], least)) if i == j else matrix[i, j] / matrix[j, j]
     for j in range(size):
         for i in range(size):
             out[i, j] = 0.0

@@ -140,3 +140,13 @@ def test_covariances_are_carried_along_a_lever():
     crossed = np.cross(lever[0], np.eye(3)).T  # its columns are v x e
     expected = whole_one - whole_one @ crossed - np.outer(lever, lever)
     assert out.reshape(3, 3) == pytest.approx(expected, abs=1e-12)
+
+
+def test_root_of_a_matrix_that_rounding_makes_negative_is_no_infinite_weight():
+    matrix = np.array(
+        [[1.3889342, -0.3848448, -14.6733148], [-0.3848448, 0.1066325, 4.0656713], [-14.6733141, 4.0656709, 155.015]]
+    )
+    assert np.linalg.eigvalsh(matrix)[0] < 0
+    out = np.empty((3, 3))
+    _write_root(matrix, out)
+    assert np.abs(out).max() < 1e8

@@ -32,7 +32,7 @@ class LabelParameters(StageParameters):
         How tracklets become markers, and whether the classic method is compared.
     computed_points
         Whether points that a model computed are markers.
-    repair, swap_evidence, slips, slip_seconds, slip_evidence
+    repair, fills, swap_evidence, slips, slip_seconds, slip_evidence
         How errors are searched for in takes that are labelled already.
     add_random, max_jitter, time_one_frame
         Test jitter, and the clock of takes whose time stamps do not rise.
@@ -181,6 +181,12 @@ class LabelParameters(StageParameters):
         basic=True,
         acts_with="take=labelled",
     )
+    fills: bool = declare(
+        RepairParameters.fills,
+        "Whether gaps that were filled by straight lines or smooth curves are gaps again.",
+        basic=True,
+        acts_with=_REPAIR,
+    )
     swap_evidence: float = declare(
         RepairParameters.swap_evidence,
         "An exchange of labels is repaired when the evidence of distances within limbs exceeds this.",
@@ -239,4 +245,5 @@ class LabelParameters(StageParameters):
     @property
     def repair_parameters(self) -> RepairParameters:
         """What the search for errors of given labels needs."""
-        return RepairParameters(self.repair, self.swap_evidence, self.slips, self.slip_seconds, self.slip_evidence)
+        evidence = (self.swap_evidence, self.slips, self.slip_seconds, self.slip_evidence)
+        return RepairParameters(self.repair, self.fills, *evidence)

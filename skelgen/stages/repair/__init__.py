@@ -1,4 +1,7 @@
-"""Errors of labels that a take came with: exchanged and moved labels are given back, slipped markers are split."""
+"""Errors of labels that a take came with: exchanged and moved labels are given back, slipped markers are split.
+
+Gaps that a program filled are gaps again.
+"""
 
 from dataclasses import dataclass
 
@@ -6,6 +9,7 @@ from skelgen.model import Trajectories
 from skelgen.model.labelling import Finding
 from skelgen.progress import SILENT, Monitor, counted
 from skelgen.stages.repair.exchange_evidence import robust_limbs
+from skelgen.stages.repair.fills import Fill, find_fills, without_fills
 from skelgen.stages.repair.moves import find_moves, undo_moves
 from skelgen.stages.repair.slips import Slip, find_slips, new_names, split_slipped
 from skelgen.stages.repair.swaps import exchanged_back, find_swaps, indistinguishable_pairs, repair_swaps
@@ -24,6 +28,8 @@ class RepairParameters:
     ----------
     repair : bool
         Whether anything is looked for.
+    fills : bool
+        Whether gaps that were filled are looked for.
     swap_evidence : float, nats
         Least evidence of distances for an exchange of labels.
     slips : bool
@@ -35,6 +41,7 @@ class RepairParameters:
     """
 
     repair: bool = True
+    fills: bool = True
     swap_evidence: float = 5.0
     slips: bool = True
     slip_seconds: float = 1.0
@@ -80,18 +87,22 @@ def repair_take(
     if not parameters.repair:
         monitor.notice("the markers are labelled already: this stage is skipped")
         return Repair(trajectories)
-    limbs = robust_limbs(trajectories)
-    swaps = find_swaps(trajectories, parameters.swap_evidence, limbs=limbs, monitor=monitor)
-    repaired = repair_swaps(trajectories, swaps)
+    fills = find_fills(trajectories) if parameters.fills else ()
+    measured = without_fills(trajectories, fills)
+    limbs = robust_limbs(measured)
+    swaps = find_swaps(measured, parameters.swap_evidence, limbs=limbs, monitor=monitor)
+    repaired = repair_swaps(measured, swaps)
     moves = find_moves(repaired, limbs=robust_limbs(repaired) if swaps else limbs)
     repaired = undo_moves(repaired, moves)
     slips = find_slips(repaired, parameters.slip_seconds, parameters.slip_evidence) if parameters.slips else ()
-    found = [swap.finding for swap in swaps] + [move.finding for move in moves]
+    found = [fill.finding for fill in fills] + [swap.finding for swap in swaps] + [move.finding for move in moves]
     names, last = new_names(repaired.names, slips), repaired.n_frames - 1
     found += [slip.finding(last, names.get(slip, "")) for slip in slips]
     findings = tuple(sorted(found, key=lambda finding: (finding.first_frame, finding.names)))
     repaired = split_slipped(repaired, slips)
     monitor.notice(f"the markers are labelled already: {_outcome(len(swaps), len(moves), slips)}")
+    if fills:
+        monitor.notice(_told(fills, trajectories))
     for sentence in repaired.notices[len(trajectories.notices) :]:
         monitor.notice(sentence)
     if swaps:
@@ -112,6 +123,16 @@ def _outcome(n_swaps: int, n_moves: int, slips: tuple[Slip, ...]) -> str:
         left = "is left as it is" if len(slips) == n_split + 1 else "are left as they are"
         parts.append(f"{len(slips) - n_split} more may have slipped and {left}")
     return ", ".join(parts)
+
+
+def _told(fills: tuple[Fill, ...], trajectories: Trajectories) -> str:
+    n_gaps, n_filled = sum(fill.n_gaps for fill in fills), sum(len(fill.frames) for fill in fills)
+    part = 100.0 * n_filled / max(int(trajectories.seen.sum()), 1)
+    return (
+        f"{counted(n_gaps, 'gap')} of {counted(len(fills), 'marker')}, {part:.2g} % of all positions, were filled by "
+        "straight lines or smooth curves, which say nothing of the body: they are gaps again (`--set labels.fills=no` "
+        "keeps them)"
+    )
 
 
 def _warn_of_twins(trajectories: Trajectories, monitor: Monitor) -> None:
