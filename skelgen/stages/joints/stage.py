@@ -17,6 +17,7 @@ from skelgen.model.topology import joint_children
 from skelgen.progress import SILENT, Monitor
 from skelgen.stages.joints.between import without_middle_joints
 from skelgen.stages.joints.costs import JointCosts, comparable_costs, with_certainty
+from skelgen.stages.joints.false_joints import Parting, median_radius
 from skelgen.stages.joints.loops import closing_loops, loop_joints
 from skelgen.stages.joints.nearness import neighbour_odds
 from skelgen.stages.joints.pairs import Guessing, JointGuess
@@ -26,15 +27,7 @@ from skelgen.stages.joints.search import PairSearch, place_in_blocks, place_join
 from skelgen.stages.joints.segments import Segment, make_segments, markers_of_limbs, sample_frames
 from skelgen.stages.joints.sliding import sliding_limbs, sliding_loop_notices
 from skelgen.stages.joints.still_limbs import fixed_limbs, n_moving_parts, still_limb_notices, still_limbs
-from skelgen.stages.joints.tree import (
-    Parting,
-    Tree,
-    find_tree,
-    median_radius,
-    stuck_joint_notices,
-    tree_notices,
-    undetermined_limb_notices,
-)
+from skelgen.stages.joints.tree import Tree, find_tree, stuck_joint_notices, tree_notices, undetermined_limb_notices
 from skelgen.stages.limbs import worn_neighbours
 
 ONE_PERSON = 1.0
@@ -156,7 +149,8 @@ class JointSearch:
         parting = self._parting(guesses, odds, worn) if parameters.separate else None
         tree = find_tree(costs, guesses, n_markers, stated, parting)
         fixed = fixed_limbs([segment.markers for segment in segments], tree.parents)
-        if (tree.parents[fixed] >= 0).any() and stated.parents is None:
+        parting = parting.beside(fixed, tree.parents) if parting else None
+        if (tree.parents[fixed] >= 0).any() or (parting and parting.strangers):
             rooted = replace(stated, roots=(*stated.roots, *fixed))
             tree = find_tree(costs, guesses, n_markers, rooted, parting)
         joints, placed = place_joints(segments, frames, tree.parents, how, monitor, guesses)

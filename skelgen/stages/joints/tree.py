@@ -1,11 +1,4 @@
-"""The tree of limbs: which joints span it, which of its edges are no joints.
-
-A spanning tree joins whatever is seen together: two persons, a person and a chair. Such an edge wobbles as limbs do
-that have nothing to do with each other; or it could as well be another edge, because no place is better than the
-others, and is much dearer than joints of this take are and far from all markers, or has a gap that none of these could
-have and several limbs on both sides: a single one may be of markers that were mistaken for each other. If noise does
-not explain its gap, it is cut, and bodies are separate trees.
-"""
+"""The tree of limbs: which joints span it, and what is doubtful about it."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -13,31 +6,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from skelgen.errors import InputError
-from skelgen.kinematics.hierarchy import tree_path
 from skelgen.model import Topology
 from skelgen.model.arrays import Bools, Floats, Ints
-from skelgen.model.topology import branches, cheapest_rivals, spanning_forest
-from skelgen.stages.joints.costs import CHANCE, JointCosts
+from skelgen.model.topology import spanning_forest
+from skelgen.stages.joints.costs import JointCosts
+from skelgen.stages.joints.false_joints import ENOUGH_JOINTS, Parting, false_joints, slide_across
 from skelgen.stages.joints.pairs import LEAST_TURN, LEAST_VARIANCE, MIN_COMMON, JointGuess
 from skelgen.stages.joints.parameters import JointConstraints, Pair
 from skelgen.stages.joints.segments import ENOUGH_FRAMES, Segment
-from skelgen.stages.joints.sliding import is_no_joint
-
-LOOSE = 2.0
-"""Of the usual radius of a limb: a joint whose two images are usually so far apart holds nothing together."""
-
-DEAR = 10.0
-"""Times the usual cost of a joint."""
-
-FAR = 2.0
-"""Times the usual distance between joint and markers."""
-
-UNLIKELY = 20.0
-"""Log odds against a joint by its gap, beside those of other joints: of a rider on a horse in whose joints there is
-nothing but noise they are above 100, of joints of people, whose soft tissue moves, below 7."""
-
-REPLACEABLE = 4.0
-"""Ratio of the cost of the best other edge between the same two parts: above, this one is special."""
 
 PAST = 2.0
 """Times the usual gap of the tree's joints: a joint past a single marker may have such a gap."""
@@ -47,14 +23,8 @@ AS_LIKELY = 2.0
 others: joints past it are no dearer. Of 0, 1.5, 2.5, 5, 20, 50 and no limit at all, which parts thighs from shanks and
 joins feet, 1.5 to 2.5 are best for people, real and simulated, whole, cut, without some markers, with hands held."""
 
-BESIDE = 3
-"""Limbs on the way between two that slide along each other, if both are joined to one: a joint that goes around."""
-
 KEPT = -1.0
 """Cost of an edge that a tree has in any case."""
-
-ENOUGH_JOINTS = 3
-"""Fewer joints say nothing of what is usual."""
 
 STUCK = 10.0
 """Times the usual variance of the distances to a joint, and times noise: conjugate gradients have not found it."""
@@ -80,25 +50,6 @@ class Tree:
     costs: Floats
     cut: list[Pair]
     slides: dict[Pair, tuple[Pair, float]] = field(default_factory=dict)
-
-
-@dataclass(frozen=True, eq=False)
-class Parting:
-    """What is known of bodies before the tree is parted.
-
-    Attributes
-    ----------
-    radius : float, mm
-        Usual radius of a limb, NaN if unknown.
-    of_one : ndarray of bool, shape (n_limbs, n_limbs)
-        Limbs that are known to be on one body, as segments of a person are: no edge is cut that parts these.
-    slides : mapping of pair to float
-        Limbs that slide along each other, and how far [mm], the nearest first.
-    """
-
-    radius: float
-    of_one: Bools
-    slides: Mapping[Pair, float] = field(default_factory=dict)
 
 
 def find_tree(
@@ -138,22 +89,17 @@ def find_tree(
     direct = past_single_markers(parents, replace(costs, order=allowed), markers, constraints.joined)
     if direct is not None:
         parents = spanning_forest(np.where(direct, allowed, np.inf), markers, constraints.roots)
-    false = [] if parting is None else _false_joints(parents, costs, guesses, parting)
+    false = [] if parting is None else false_joints(parents, costs, guesses, parting)
     cut = [edge for edge in false if (min(edge), max(edge)) not in constraints.joined]
     if not cut:
         return Tree(parents, known, [])
     edges = _edges_of(parents)
     for parent, child in cut:
         edges[parent, child] = edges[child, parent] = False
-    slides = {} if parting is None else {edge: one for edge in cut if (one := _slide(edge, parents, parting.slides))}
+    slides = (
+        {} if parting is None else {edge: one for edge in cut if (one := slide_across(edge, parents, parting.slides))}
+    )
     return Tree(spanning_forest(np.where(edges, allowed, np.inf), markers, constraints.roots), known, cut, slides)
-
-
-def _slide(edge: Pair, parents: Ints, slides: Mapping[Pair, float]) -> tuple[Pair, float] | None:
-    """The limbs that slide along each other where a tree is cut, and how far [mm]; None if none do."""
-    borne = branches(parents)[edge[1]]
-    across = (pair for pair in slides if borne[pair[0]] != borne[pair[1]] and not {*pair}.isdisjoint(edge))
-    return next(((pair, slides[pair]) for pair in across), None)
 
 
 def past_single_markers(parents: Ints, costs: JointCosts, markers: Ints, joined: Sequence[Pair]) -> Bools | None:
@@ -215,65 +161,6 @@ def _edges_of(parents: Ints) -> Bools:
     children = np.flatnonzero(parents >= 0)
     edges[children, parents[children]] = edges[parents[children], children] = True
     return edges
-
-
-def _false_joints(parents: Ints, costs: JointCosts, guesses: Mapping[Pair, JointGuess], parting: Parting) -> list[Pair]:
-    """Edges (parent, child) of a tree that are no joints."""
-    children = np.flatnonzero(parents >= 0)
-    if not len(children):
-        return []
-    above = parents[children]
-    dear, squares = costs.comparable[children, above], costs.squares[children, above]
-    pairs = [(min(pair), max(pair)) for pair in zip(children.tolist(), above.tolist(), strict=True)]
-    distances = np.array([guesses[pair].distance for pair in pairs])
-    false = np.sqrt(3 * squares) > LOOSE * parting.radius
-    unexplained = np.array([is_no_joint(guesses[pair]) for pair in pairs])
-    borne = branches(parents)[children]
-    several = np.minimum(borne.sum(axis=1), (~borne).sum(axis=1)) > 1
-    if len(children) >= ENOUGH_JOINTS:
-        rivals = cheapest_rivals(parents, np.where(np.isfinite(costs.comparable), costs.comparable, np.nan))
-        replaceable = np.array([rivals[int(child)][1] < REPLACEABLE * dear[i] for i, child in enumerate(children)])
-        unlikely = unexplained & several & (costs.surprise(children, above) > UNLIKELY)
-        false |= replaceable & (unlikely | (_exceeds(dear, DEAR) & _exceeds(distances, FAR)))
-        false &= squares > costs.expected[children, above]
-    else:  # of so few, each would be usual by itself
-        false &= unexplained
-    edges = list(zip(above.tolist(), children.tolist(), strict=True))
-    slides = [_slide(edge, parents, parting.slides) for edge in edges]
-    false |= np.array([slide is not None for slide in slides]) & unexplained
-    around = [slide is not None and len(tree_path(parents, *slide[0])) == BESIDE for slide in slides]
-    false |= np.array(around) & (squares > CHANCE * costs.expected[children, above])
-    false &= np.array([not parting.of_one[np.ix_(branch, ~branch)].any() for branch in borne])
-    return [edge for edge, is_false in zip(edges, false.tolist(), strict=True) if is_false]
-
-
-def median_radius(segments: Sequence[Segment], frames: Ints) -> float:
-    """Return the median over limbs of the root mean square distance [mm] of their markers from their middle.
-
-    Parameters
-    ----------
-    segments : sequence of Segment
-        All limbs.
-    frames : ndarray of intp
-        Sampled frames.
-
-    Returns
-    -------
-    float, mm
-        NaN if no limb shows all its markers, or all have one.
-    """
-    found = []
-    for segment in segments:
-        positions = segment.markers[frames]
-        whole = positions[~np.isnan(positions).any(axis=(1, 2))]
-        if len(whole):
-            found.append(float(np.sqrt(((whole - whole.mean(axis=1, keepdims=True)) ** 2).sum(axis=2).mean())))
-    extended = [radius for radius in found if radius > 0]  # limbs of one marker have none
-    return float(np.median(extended)) if extended else float("nan")
-
-
-def _exceeds(values: Floats, times: float) -> Bools:
-    return np.asarray(values > times * np.median(values))
 
 
 def tree_notices(

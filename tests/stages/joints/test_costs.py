@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from skelgen.stages.joints.costs import comparable_costs
+from skelgen.stages.joints.false_joints import Parting
 from skelgen.stages.joints.pairs import JointGuess
 from skelgen.stages.joints.parameters import JointConstraints
-from skelgen.stages.joints.tree import Parting, find_tree
+from skelgen.stages.joints.tree import find_tree
 
 N_LIMBS = 7
 NOISE, GAP, ALPHA = 4.0, 40.0, 0.1  # mm^2, mm^2, mm

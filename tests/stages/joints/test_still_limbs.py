@@ -63,3 +63,15 @@ def test_what_is_fixed_in_the_room_is_the_root(limb):
 
 def test_a_root_that_is_stated_is_the_root_whatever_is_fixed():
     assert find_joints(*on_the_floor(2), constraints=JointConstraints(roots=[5])).roots.tolist() == [5]
+
+
+@pytest.mark.parametrize("name", ["kicks", "treadmill", "walk"])
+def test_what_stands_in_the_room_beside_a_person_is_no_part_of_them(recording, name):
+    take = recording(f"bodies/{name}.{'c3d' if name == 'kicks' else 'trc'}")
+    rng, middle = np.random.default_rng(0), np.nanmean(take.positions, axis=(0, 1))
+    frame = np.tile(middle + rng.normal(0, 400, (3, 3)), (take.n_frames, 1, 1))
+    positions = np.concatenate([take.positions, frame + rng.normal(0, 0.1, frame.shape)], axis=1)
+    project = skelgen.reconstruct(nameless(skelgen.Trajectories(positions, [*take.names, "a", "b", "c"], take.rate)))
+    alone = set(project.limbs.limb_of_marker[-3:].tolist())
+    assert len(alone) == 1 and len(project.topology.roots) == 2
+    assert alone.isdisjoint(project.topology.edges.ravel().tolist())
