@@ -16,7 +16,7 @@ import numpy as np
 from skelgen.files import replacing
 from skelgen.model import Project, Skeleton
 from skelgen.model.arrays import Floats
-from skelgen.progress import SILENT, Monitor, with_progress
+from skelgen.progress import Monitor, with_progress
 from skelgen_formats.bones import (
     COLON,
     bone_names,
@@ -47,38 +47,18 @@ _VERSION = 910  # of the 0.9 era: also the later forks accept it
 _CONJUGATE = np.array([-1.0, -1.0, -1.0, 1.0])
 
 
-def write_cal3d(value: Writable, path: Path, unit: str = "mm", monitor: Monitor = SILENT) -> list[Path]:
-    """Write skeleton and animation beside each other, whichever of the two `path` names.
-
-    Parameters
-    ----------
-    value : Project
-        Finished.
-    path : Path
-        Skeleton or animation; the other stands beside it.
-    unit : str
-        Of the lengths in the file: ``mm``, ``cm`` or ``m``.
-    monitor : Monitor
-        Shows progress; may cancel.
-
-    Raises
-    ------
-    WriteError
-        If the value is no project or has no frames, a number is beyond single precision, or a file cannot be written.
-    MissingResultError
-        If the project has no skeleton yet.
-    """
+def _write(value: Writable, path: Path, options: Options, monitor: Monitor) -> None:
+    """Write skeleton and animation beside each other, whichever of the two `path` names."""
     project = moving_project(value, _TITLE)
     check_single_precision(project, _TITLE)  # the loaders silently zero all that follows a number beyond
-    skeleton_path, animation_path = files = files_beside(path, SKELETON_SUFFIX, ANIMATION_SUFFIX)
+    skeleton_path, animation_path = files_beside(path, SKELETON_SUFFIX, ANIMATION_SUFFIX)
     comments = (f"<!--{comment_text(sentence)}-->\n" for sentence in choices_in(project))
     with replacing(skeleton_path) as skeleton_file, replacing(animation_path) as animation_file:
-        _write(skeleton_file, chain(_skeleton(project.skeleton, unit), comments))
-        _write(animation_file, _animation(project, unit, monitor))
-    return list(files)
+        _write_lines(skeleton_file, chain(_skeleton(project.skeleton, options.unit), comments))
+        _write_lines(animation_file, _animation(project, options.unit, monitor))
 
 
-def _write(path: Path, lines: Iterator[str]) -> None:
+def _write_lines(path: Path, lines: Iterator[str]) -> None:
     with path.open("w", encoding="ascii", errors="xmlcharrefreplace", newline="\n") as stream:
         stream.writelines(lines)
 
@@ -140,7 +120,7 @@ FORMAT = Format(
     title="Cal3D skeleton and animation",
     suffixes=(SKELETON_SUFFIX, ANIMATION_SUFFIX),
     holds="skeleton",
-    write=lambda value, path, options, monitor: write_cal3d(value, path, options.unit, monitor),
+    write=_write,
     check=lambda value, options: moving_project(value, _TITLE),
     files=lambda path, options: files_beside(path, SKELETON_SUFFIX, ANIMATION_SUFFIX),
     keeps=("joints", "motion"),

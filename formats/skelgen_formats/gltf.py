@@ -24,7 +24,7 @@ from skelgen.files import replacing
 from skelgen.geometry.rotations import transform_from
 from skelgen.model import Project, Skeleton
 from skelgen.model.arrays import Floats
-from skelgen.progress import SILENT, Monitor, with_progress
+from skelgen.progress import Monitor, with_progress
 from skelgen_formats.bones import (
     COLON,
     along_bones,
@@ -57,32 +57,12 @@ _POINTS = 0
 _SKELETON_NODE = 0
 
 
-def write_gltf(value: Writable, path: Path, unit: str = "m", monitor: Monitor = SILENT) -> list[Path]:
-    """Write skeleton, motion and markers of a finished project.
-
-    Parameters
-    ----------
-    value : Project
-        Finished.
-    path : Path
-        The file.
-    unit : str
-        Of the lengths in the file: ``mm``, ``cm`` or ``m``.
-    monitor : Monitor
-        Shows progress; may cancel.
-
-    Raises
-    ------
-    WriteError
-        If the value is no project or has no frames, a number is beyond single precision, or the file would be too
-        large or cannot be written.
-    MissingResultError
-        If the project has no skeleton yet.
-    """
+def _write(value: Writable, path: Path, options: Options, monitor: Monitor) -> None:
+    """Write skeleton, motion and markers of a finished project."""
     project = moving_project(value, _TITLE)
     check_single_precision(project, _TITLE)
     data = _Data()
-    document = _document(project, per_mm(unit), data, monitor)
+    document = _document(project, per_mm(options.unit), data, monitor)
     document |= {"bufferViews": data.views, "accessors": data.accessors, "buffers": [{"byteLength": len(data.content)}]}
     text = json.dumps(document, separators=(",", ":"), allow_nan=False).encode()
     chunks = _chunk(_JSON_CHUNK, text, b" ") + _chunk(_BINARY_CHUNK, bytes(data.content), b"\0")
@@ -91,7 +71,6 @@ def write_gltf(value: Writable, path: Path, unit: str = "m", monitor: Monitor = 
         raise WriteError(f"{path}: a glTF file holds at most 4 GB; choose a lower frame rate")
     with replacing(path) as temporary:
         temporary.write_bytes(_MAGIC + struct.pack("<II", _VERSION, length) + chunks)
-    return [path]
 
 
 def _chunk(kind: bytes, content: bytes, padding: bytes) -> bytes:
@@ -232,7 +211,7 @@ FORMAT = Format(
     suffixes=(".glb",),
     holds="skeleton",
     up=_UP,
-    write=lambda value, path, options, monitor: write_gltf(value, path, options.unit, monitor),
+    write=_write,
     check=lambda value, options: moving_project(value, _TITLE),
     keeps=("names", "limbs", "joints", "kinds", "uncertainty", "motion"),
     marks_open="`extras` of the nodes: `determined`, `fully_determined`, `place`",

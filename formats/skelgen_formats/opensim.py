@@ -34,7 +34,7 @@ from skelgen_formats.articulated import (
     rotation_of_z_to,
 )
 from skelgen_formats.bones import plain_names
-from skelgen_formats.options import AS_MOVED, JOINTS, RATE, Format, Options, Writable, files_beside, moving_project
+from skelgen_formats.options import JOINTS, RATE, Format, Options, Writable, files_beside, moving_project
 from skelgen_formats.trc import write_trc
 from skelgen_formats.writing import UPRIGHTABLE, choices_in, gravity, remark_on_up, turned_up
 from skelgen_formats.xml_text import number_text, write_tree
@@ -54,51 +54,21 @@ _JOINT_TYPES = {
 }
 
 
-def write_opensim(
-    value: Writable,
-    path: Path,
-    joints: str = AS_MOVED,
-    density: float = 1000.0,
-    up: str = "",
-    monitor: Monitor = SILENT,
-) -> list[Path]:
-    """Write model, motion, markers and setup beside each other, whichever of the first two `path` names.
-
-    Parameters
-    ----------
-    value : Project
-        Finished.
-    path : Path
-        The model or its motion; the other files stand beside it.
-    joints : str
-        `AS_MOVED` or `AS_FOUND`.
-    density : float, kg/m^3
-        Of the limbs.
-    up : str
-        The axis that points up, against gravity; what is found if left out.
-    monitor : Monitor
-        Shows progress; may cancel.
-
-    Raises
-    ------
-    WriteError
-        If the value is no project or has no frames, or a file cannot be written.
-    MissingResultError
-        If the project has no skeleton yet.
-    """
+def _write(value: Writable, path: Path, options: Options, monitor: Monitor) -> None:
+    """Write model, motion, markers and setup beside each other, whichever of the first two `path` names."""
     project = moving_project(value, _TITLE)
-    links = links_of(project, joints)
+    links = links_of(project, options.joints)
     named = replace(project.trajectories, names=plain_names(project.trajectories.names))
     with arriving_together(path.parent) as folder:
         model, motion, markers, setup = files = files_beside(folder / path.name, *SUFFIXES)
-        document = _document(replace(project, _trajectories=named), links, density, gravity(project, up, _UP))
+        falling = gravity(project, turned_up(options.axes), _UP)
+        document = _document(replace(project, _trajectories=named), links, options.density, falling)
         document[0].set("name", plain_names([path.stem])[0])
         write_tree(model, document)
         write_tree(setup, _setup(project, named.names, files))
         with motion.open("w", encoding="ascii", errors="replace", newline="\n") as stream:
             stream.writelines(_motion(project, links, plain_names([path.stem])[0], monitor))
-        write_trc(named, markers)
-    return list(files_beside(path, *SUFFIXES))
+        write_trc(named, markers, Options(), SILENT)
 
 
 def _document(project: Project, links: Sequence[Link], density: float, gravity_vector: Floats) -> Element:
@@ -223,10 +193,6 @@ def _motion(project: Project, links: Sequence[Link], name: str, monitor: Monitor
 
 def _add(parent: Element, name: str, text: str) -> None:
     SubElement(parent, name).text = text
-
-
-def _write(value: Writable, path: Path, options: Options, monitor: Monitor) -> list[Path]:
-    return write_opensim(value, path, options.joints, options.density, turned_up(options.axes), monitor)
 
 
 def _remarks(project: Project, options: Options) -> tuple[str, ...]:

@@ -18,7 +18,7 @@ from skelgen.files import arriving_together
 from skelgen.geometry.rotations import euler_angles
 from skelgen.model import Project
 from skelgen.model.arrays import Floats
-from skelgen.progress import SILENT, Monitor
+from skelgen.progress import Monitor
 from skelgen_formats.articulated import (
     ANGLE_MARGIN,
     DENSITY,
@@ -37,7 +37,7 @@ from skelgen_formats.articulated import (
 )
 from skelgen_formats.bones import plain_names
 from skelgen_formats.motion_csv import MARKS_OPEN, with_marks, write_motion
-from skelgen_formats.options import AS_MOVED, JOINTS, RATE, Format, Options, Writable, files_beside, moving_project
+from skelgen_formats.options import JOINTS, RATE, Format, Options, Writable, files_beside, moving_project
 from skelgen_formats.writing import UPRIGHTABLE, remark_on_up
 from skelgen_formats.xml_text import number_text, write_tree
 
@@ -66,43 +66,19 @@ class _Single(NamedTuple):
         return "continuous" if self.kind == "revolute" and turns_fully(self.values) else self.kind
 
 
-def write_urdf(
-    value: Writable, path: Path, joints: str = AS_MOVED, density: float = 1000.0, monitor: Monitor = SILENT
-) -> list[Path]:
-    """Write the robot, and a table with the value of each joint in every frame.
-
-    Parameters
-    ----------
-    value : Project
-        Finished.
-    path : Path
-        The robot; its motion stands beside it.
-    joints : str
-        `AS_MOVED` or `AS_FOUND`.
-    density : float, kg/m^3
-        Of the limbs.
-    monitor : Monitor
-        Shows progress; may cancel.
-
-    Raises
-    ------
-    WriteError
-        If the value is no project or has no frames, or a file cannot be written.
-    MissingResultError
-        If the project has no skeleton yet.
-    """
+def _write(value: Writable, path: Path, options: Options, monitor: Monitor) -> None:
+    """Write the robot, and a table with the value of each joint in every frame."""
     project = moving_project(value, _TITLE)
-    links = links_of(project, joints)
+    links = links_of(project, options.joints)
     singles = [single for link in links for single in _singles(link)]
     columns = [f"{single.name}_{single.unit}" for single in singles]
     with arriving_together(path.parent) as folder:
         model, motion = files_beside(folder / path.name, MODEL_SUFFIX, MOTION_SUFFIX)
-        write_tree(model, _robot(project, links, path.stem, density))
+        write_tree(model, _robot(project, links, path.stem, options.density))
         values = [np.stack([single.values for single in singles], axis=1)]
         names = plain_names(project.skeleton.joint_names)
         columns, marked = with_marks(columns, values, project.skeleton, names)
         write_motion(motion, columns, project.motion.times, marked)
-    return list(files_beside(path, MODEL_SUFFIX, MOTION_SUFFIX))
 
 
 def _robot(project: Project, links: Sequence[Link], name: str, density: float) -> Element:
@@ -214,7 +190,7 @@ FORMAT = Format(
     suffixes=(MODEL_SUFFIX,),
     holds="skeleton",
     up=_UP,
-    write=lambda value, path, options, monitor: write_urdf(value, path, options.joints, options.density, monitor),
+    write=_write,
     check=lambda value, options: moving_project(value, _TITLE),
     files=lambda path, options: files_beside(path, MODEL_SUFFIX, MOTION_SUFFIX),
     keeps=("names", "limbs", "joints", "angles", "kinds", "motion"),

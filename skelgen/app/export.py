@@ -23,11 +23,11 @@ from skelgen.model.filled import Filled
 from skelgen.progress import SILENT, Monitor, counted, listed
 
 
-def _write_report(value: Writable, path: Path, options: Options, monitor: Monitor) -> list[Path]:
+def _write_report(value: Writable, path: Path, options: Options, monitor: Monitor) -> None:
     from skelgen.app.report import write_report  # noqa: PLC0415 - its templates take time to load
 
     value = value.measured if isinstance(value, Filled) else value
-    return [write_report(value if isinstance(value, Project) else Project(value), path, monitor)]
+    write_report(value if isinstance(value, Project) else Project(value), path, monitor)
 
 
 REPORT = Format(

@@ -12,7 +12,6 @@ from pathlib import Path
 import numpy as np
 import pandas
 from scipy.io import savemat
-from skelgen_formats.bvh import write_bvh
 from skelgen_formats.capture_settings import read_settings, write_settings
 from skelgen_formats.identities_csv import read_identities
 from skelgen_formats.lines import Sample
@@ -190,7 +189,7 @@ def make_seeds(folder: Path) -> None:
     save_project(finished, folder / "finished.skelgen")
     save_project(_still(skelgen.reconstruct(cloud, until="labels")), folder / "labels.skelgen")
     save_project(Project(sensors), folder / "sensors.skelgen")
-    write_bvh(finished, folder / "motion.bvh")
+    write_file(finished, folder / "motion.bvh")
     write_truth(simulated.truth, folder / "rods.truth.npz")
     write_defaults(folder / "config.xml")
     rig = simulated_rig("arm", n_frames=1)
