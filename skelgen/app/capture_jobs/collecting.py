@@ -19,14 +19,7 @@ from skelgen.app.capture_jobs.images import (
     is_steady,
 )
 from skelgen.app.capture_jobs.live import open_stream, warm_up
-from skelgen.app.capture_jobs.messages import (
-    CaptureControl,
-    CaptureOptions,
-    Feed,
-    FoundInSpace,
-    TargetShot,
-    WandShot,
-)
+from skelgen.app.capture_jobs.messages import CaptureControl, CaptureOptions, Feed, FoundInSpace, TargetShot, WandShot
 from skelgen.capture.calibration.body import BodyCalibration, calibrate_body
 from skelgen.capture.calibration.chessboard import Board, BoardView, find_board
 from skelgen.capture.calibration.joints import JointCalibration, calibrate_joints

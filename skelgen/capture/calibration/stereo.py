@@ -13,13 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from skelgen.capture.calibration.bundle_adjustment import N_INTRINSIC, Adjusted, BoardBundle
-from skelgen.capture.calibration.chessboard import (
-    Board,
-    BoardView,
-    board_that_is_there,
-    find_board,
-    turned_boards,
-)
+from skelgen.capture.calibration.chessboard import Board, BoardView, board_that_is_there, find_board, turned_boards
 from skelgen.capture.calibration.lens import AUTO, LEAST_VIEWS, adjust_lens, guess_camera
 from skelgen.capture.calibration.verdict import PairSeen, Verdict, judge
 from skelgen.capture.images import read_image
