@@ -168,8 +168,8 @@ def calibration_covariances(rig: StereoRig, points: Floats) -> Floats:
         raise InputError("these cameras have no covariance: calibrate them again")
     to_left = rig.left.camera_from_world
     in_left = moved_points(to_left, points)
-    eyes = replace(rig.left, camera_from_world=np.eye(4)), replace(rig.right, camera_from_world=rig.right_from_left)
-    (by_left, left), (by_right, right) = (slopes_of_camera(eye, in_left) for eye in eyes)
+    cameras = replace(rig.left, camera_from_world=np.eye(4)), replace(rig.right, camera_from_world=rig.right_from_left)
+    (by_left, left), (by_right, right) = (slopes_of_camera(camera, in_left) for camera in cameras)
     by_point = np.concatenate([left, right], axis=1)
     by_numbers = np.zeros((len(points), 4, len(rig.covariance)))
     by_numbers[:, :2, :N_CAMERA_STD], by_numbers[:, 2:, N_CAMERA_STD:] = by_left, by_right

@@ -155,15 +155,16 @@ def board_start(seen: Floats, board: AnyBoard, sizes: Sequence[tuple[int, int]],
     InputError
         If a camera has too few views of the board, or shares too few with the others.
     """
-    eyes, poses = [], np.full((*seen.shape[:2], 4, 4), np.nan)
+    lenses, poses = [], np.full((*seen.shape[:2], 4, 4), np.nan)
     for index, (size, name) in enumerate(zip(sizes, names, strict=True)):
-        eye = _lens(seen[:, index], board, size, name)
-        eyes.append(eye)
+        lens = _lens(seen[:, index], board, size, name)
+        lenses.append(lens)
         for frame in range(len(seen)):
-            poses[frame, index] = _placed(seen[frame, index], board, eye)
+            poses[frame, index] = _placed(seen[frame, index], board, lens)
     places = _related(poses, board, names)
     cameras = [
-        Camera(*eye.size, eye.matrix, eye.distortion, place, eye.name) for eye, place in zip(eyes, places, strict=True)
+        Camera(*lens.size, lens.matrix, lens.distortion, place, lens.name)
+        for lens, place in zip(lenses, places, strict=True)
     ]
     ordered, world_from_board = _turned_alike(seen, poses, places, board)
     placed = np.asarray(np.isfinite(world_from_board[:, 0, 0]))
@@ -184,12 +185,12 @@ def _lens(seen: Floats, board: AnyBoard, size: tuple[int, int], name: str) -> Ca
     return replace(fit_camera(points, pixels, size, f"what {name} sees of the board")[0], name=name)
 
 
-def _placed(corners: Floats, board: AnyBoard, eye: Camera) -> Floats:
+def _placed(corners: Floats, board: AnyBoard, camera: Camera) -> Floats:
     """camera_from_board, shape (4, 4); NaN if too little of the board is seen."""
     shown = np.isfinite(corners[:, 0])
     if shown.sum() < FEWEST_CORNERS:
         return np.full((4, 4), np.nan)
-    done, turn, shift = opencv().solvePnP(board.points[shown], corners[shown], eye.matrix, eye.distortion)
+    done, turn, shift = opencv().solvePnP(board.points[shown], corners[shown], camera.matrix, camera.distortion)
     return transform_from(matrix_from_vector(np.ravel(turn)), np.ravel(shift)) if done else np.full((4, 4), np.nan)
 
 
