@@ -79,6 +79,7 @@ class ExportPage(QWidget):
         self.form = ParameterForm((), self)
         self.options_box = QGroupBox(self.tr("Options"), self)
         self._options = QVBoxLayout(self.options_box)
+        self._options.setContentsMargins(6, 6, 6, 6)  # no more than fits into the narrowest window
         self.target = _ExportTarget(self)
         self.export, self.cancel, self.show_folder = QPushButton(self), QPushButton(self), QPushButton(self)
         self.progress = QProgressBar(self)
