@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import cast
 
+from skelgen.app import inputs
 from skelgen.app.configuration import Settings
 from skelgen.app.constraints import (
     RunOptions,
@@ -20,14 +21,6 @@ from skelgen.app.constraints import (
     stated_number,
 )
 from skelgen.app.corrections import corrected_labels
-from skelgen.app.inputs import (
-    check_trajectories,
-    joints_of_bodies,
-    limbs_from_poses,
-    limbs_with_parts,
-    repaired_sensors,
-    trajectories_from_poses,
-)
 from skelgen.app.limb_names import marker_set_of, named_limbs, names_in_motion, names_of_shape, with_joint_names
 from skelgen.app.set_prior import HeldNotices, with_segments, with_tree
 from skelgen.app.stated_bodies import bodies_by_joints, near_limbs
@@ -187,7 +180,7 @@ def run_limbs(project: Project, settings: Settings, options: RunOptions, monitor
     """
     if isinstance(project.take, Poses):
         return _limbs_of_bodies(project, project.take, options, monitor)
-    check_trajectories(project.trajectories)
+    inputs.check_trajectories(project.trajectories)
     if project.trajectories.are_keypoints:
         return _limbs_of_keypoints(project, options, monitor)
     from skelgen.stages.limbs import doubt_notices, find_limbs  # noqa: PLC0415 - see the module's docstring
@@ -199,23 +192,23 @@ def run_limbs(project: Project, settings: Settings, options: RunOptions, monitor
     find = partial(find_limbs, parameters=settings.limbs, n_limbs=first, seed=project.seed, monitor=monitor)
     split = project.labelling.split if project.has_labelling else ()
     held = HeldNotices(monitor)
-    limbs = limbs_with_parts(project.trajectories, split, partial(find, constraints=stated, monitor=held))
+    limbs = inputs.limbs_with_parts(project.trajectories, split, partial(find, constraints=stated, monitor=held))
     parted = bodies_by_joints(project, settings, limbs, stated, monitor)
     if parted is not None:
         stated, held = parted, HeldNotices(monitor)
-        limbs = limbs_with_parts(project.trajectories, split, partial(find, constraints=stated, monitor=held))
+        limbs = inputs.limbs_with_parts(project.trajectories, split, partial(find, constraints=stated, monitor=held))
     if settings.limbs.marker_set == "auto" and first is None:
         prior = with_segments(project, limbs, stated.with_parameters(settings.limbs), monitor)
         if prior is not None:
             held = HeldNotices(monitor)
-            limbs = limbs_with_parts(project.trajectories, split, partial(find, constraints=prior, monitor=held))
+            limbs = inputs.limbs_with_parts(project.trajectories, split, partial(find, constraints=prior, monitor=held))
     if n_limbs not in {None, limbs.n_limbs}:
         held, near = HeldNotices(monitor), near_limbs(project.trajectories.names, limbs, split, stated, n_limbs)
         find = partial(find, n_limbs=n_limbs, monitor=held)
         try:
-            limbs = limbs_with_parts(project.trajectories, split, partial(find, constraints=near))
+            limbs = inputs.limbs_with_parts(project.trajectories, split, partial(find, constraints=near))
         except InputError:  # the limbs that are found cannot be parted into so few
-            limbs = limbs_with_parts(project.trajectories, split, partial(find, constraints=stated))
+            limbs = inputs.limbs_with_parts(project.trajectories, split, partial(find, constraints=stated))
     held.release()
     if limbs.n_limbs == 1 and n_limbs is None:
         monitor.notice("only one limb is found: all markers move as one, or each by itself; there is no joint")
@@ -264,7 +257,7 @@ def run_joints(project: Project, settings: Settings, options: RunOptions, monito
     held, prior = HeldNotices(monitor), None
     with _processes(options.n_jobs):
         if isinstance(project.take, Poses):
-            return JointResult(joints_of_bodies(project, find, constraints, monitor))
+            return JointResult(inputs.joints_of_bodies(project, find, constraints, monitor))
         topology = find(constraints=constraints, monitor=held)
         if settings.limbs.marker_set == "auto":
             names = names_by_markers(project) if _wears_set(project) else names_of_shape(project)
@@ -366,7 +359,7 @@ def _labels_of_bodies(project: Project, poses: Poses, monitor: Monitor) -> Label
         "the take holds bodies with orientation: each becomes seven virtual markers (its origin and both ends of "
         "its axes), named body:o, body:x, body:-x and so on"
     )
-    return LabelResult(trajectories_from_poses(repaired_sensors(poses, monitor)), None)
+    return LabelResult(inputs.trajectories_from_poses(inputs.repaired_sensors(poses, monitor)), None)
 
 
 def _limbs_of_bodies(project: Project, poses: Poses, options: RunOptions, monitor: Monitor) -> LimbResult:
@@ -376,7 +369,7 @@ def _limbs_of_bodies(project: Project, poses: Poses, options: RunOptions, monito
             f"{counted(options.n_limbs or 0, 'limb')} cannot be made of them"
         )
     monitor.notice("each body of the take is a limb: this stage is skipped")
-    return LimbResult(named_limbs(project, limbs_from_poses(poses, project.trajectories), "none"))
+    return LimbResult(named_limbs(project, inputs.limbs_from_poses(poses, project.trajectories), "none"))
 
 
 def _limbs_of_keypoints(project: Project, options: RunOptions, monitor: Monitor) -> LimbResult:
