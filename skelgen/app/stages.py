@@ -15,8 +15,7 @@ from skelgen.app.configuration import Settings
 from skelgen.app.constraints import RunOptions
 from skelgen.app.corrections import corrected_labels
 from skelgen.app.limb_names import marker_set_of, named_limbs, names_in_motion, names_of_shape, with_joint_names
-from skelgen.app.set_prior import HeldNotices, with_segments, with_tree
-from skelgen.app.stated_bodies import bodies_by_joints, near_limbs
+from skelgen.app.set_prior import HeldNotices, bodies_by_joints, near_limbs, with_segments, with_tree
 from skelgen.errors import InputError
 from skelgen.model import (
     Labelling,

@@ -7,8 +7,15 @@ import numpy as np
 
 from skelgen.errors import InputError
 from skelgen.evaluation import matching
-from skelgen.evaluation.bound import with_limits
-from skelgen.evaluation.joints import JointScore, LengthScore, MarkerScore, score_joints, score_lengths, score_markers
+from skelgen.evaluation.joints import (
+    JointScore,
+    LengthScore,
+    MarkerScore,
+    score_joints,
+    score_lengths,
+    score_markers,
+    with_limits,
+)
 from skelgen.model import Poses, Project
 from skelgen.model.arrays import Ints
 from skelgen.progress import counted
