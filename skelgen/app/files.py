@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib import resources
 from pathlib import Path
+from typing import Any
 
 from skelgen_formats import registry
 from skelgen_formats.capture_settings import write_settings
@@ -296,16 +297,15 @@ def _read_stereo(path: Path | str, source: str = "", frames: int = 0, *, monitor
         If there is no source, it breaks off, or its images do not belong to the settings.
     """
     from skelgen.app.capture import source_of  # noqa: PLC0415 - numba takes a second
-    from skelgen.app.room import read_rig_settings, room_source_of  # noqa: PLC0415
+    from skelgen.app.room import read_capture_settings  # noqa: PLC0415
     from skelgen.capture.markers import markers_of  # noqa: PLC0415
     from skelgen.capture.room.recording import markers_of_room  # noqa: PLC0415
 
     path = Path(path)
-    settings = read_rig_settings(path)
+    settings = read_capture_settings(path)
+    images: Any = source_of(settings, source)  # those that belong to the settings
     if isinstance(settings, RoomSettings):
-        sets = room_source_of(settings, source or None)
-        return markers_of_room(settings, sets, n_frames=frames or None, name=path.name, monitor=monitor)
-    images = source_of(settings, source or None)
+        return markers_of_room(settings, images, n_frames=frames or None, name=path.name, monitor=monitor)
     return markers_of(settings, images, n_frames=frames or None, name=path.name, monitor=monitor)
 
 

@@ -18,12 +18,12 @@ from skelgen_formats.lines import Sample
 from skelgen_formats.registry import known_formats, read_motion, read_take, write_file
 
 import skelgen
-from skelgen.app.capture import read_capture_settings
 from skelgen.app.configuration import Settings, write_defaults
 from skelgen.app.files import open_input
 from skelgen.app.limb_names import read_hierarchy
 from skelgen.app.outputs import write_outputs
 from skelgen.app.project_file.archive import open_project, save_project
+from skelgen.app.room import read_capture_settings
 from skelgen.app.tables import column_rows, project_tables
 from skelgen.capture.images import opencv, read_image
 from skelgen.capture.simulated_rig import simulated_rig
