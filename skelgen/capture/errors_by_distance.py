@@ -180,7 +180,7 @@ def calibration_covariances(rig: StereoRig, points: Floats) -> Floats:
 def _of_body(rig: StereoRig, body: BodyTarget, places: Floats, turns: Floats) -> list[ErrorCurve]:
     """Figure 6.2: position of the middle of a target's balls, and its orientation, along the left camera's axes."""
     centred = BodyTarget(body.name, body.points - body.points.mean(axis=0), body.std)
-    covariances = _covariances_where_seen(rig, centred, _placed(turns, places, np.zeros(3)))
+    covariances = _covariances_where_seen(rig, centred, _poses(turns, places, np.zeros(3)))
     shifts = _std_with_sum(_averaged(_in_left(rig, covariances[..., 3:, 3:])))
     turned = _std_with_sum(_averaged(_in_left(rig, covariances[..., :3, :3])))
     return [
@@ -193,7 +193,7 @@ def _of_joint(
     rig: StereoRig, joint: TargetJoint, targets: Mapping[str, BodyTarget], places: Floats, turns: Floats
 ) -> ErrorCurve:
     """Figures 6.3 and 6.4: angles of a joint, each body posed alone, and both held together by the joint."""
-    parents = _placed(turns, places, joint.parent_from_joint[:3, 3])
+    parents = _poses(turns, places, joint.parent_from_joint[:3, 3])
     bends = np.random.default_rng(0).uniform(-LARGEST_BEND, LARGEST_BEND, (len(turns), 3))
     bends *= [0.0, 0.0, 1.0] if joint.kind == HINGE else [1.0, 1.0, 1.0]
     bent = transform_from(matrix_from_vector(bends), np.zeros(3))
@@ -211,7 +211,7 @@ def _of_joint(
     return ErrorCurve(f"angle of {joint.name}", "degrees", columns, std)
 
 
-def _placed(turns: Floats, places: Floats, arm: Floats) -> Floats:
+def _poses(turns: Floats, places: Floats, arm: Floats) -> Floats:
     """Poses in all orientations with a point of the body at all places, shape (n_places, n_turns, 4, 4)."""
     shape = (len(places), len(turns), 3, 3)
     return transform_from(np.broadcast_to(turns, shape), places[:, np.newaxis] - turns @ arm)

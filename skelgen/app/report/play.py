@@ -194,7 +194,7 @@ def _drawn(project: Project) -> dict[str, Any]:
 
 def _packed(points: _Points, basis: Floats, low: Floats, step: float) -> str:
     """Return states, coordinates, counts and the cloud as deflated bytes in base64; see `unpack` of play_take.js."""
-    coordinates = _rounded(_held(points.places) @ basis, low, step).transpose(1, 2, 0)
+    coordinates = _rounded(_without_gaps(points.places) @ basis, low, step).transpose(1, 2, 0)
     before = np.zeros((*coordinates.shape[:2], 2), dtype=np.uint16)
     differences = np.diff(coordinates, n=2, prepend=before)
     cloud = _rounded(points.cloud @ basis, low, step).T
@@ -208,7 +208,7 @@ def _rounded(places: Floats, low: Floats, step: float) -> np.ndarray[Any, np.dty
     return np.asarray(np.clip(np.round((places - low) / step), 0, 65_535)).astype(np.uint16)
 
 
-def _held(places: Floats) -> Floats:
+def _without_gaps(places: Floats) -> Floats:
     """Keep the last known place of each point through its gaps, which need no room then."""
     known = ~np.isnan(places[..., 0])
     last = np.maximum.accumulate(np.where(known, np.arange(len(places))[:, np.newaxis], 0), axis=0)

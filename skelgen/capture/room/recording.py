@@ -86,15 +86,15 @@ class FitCounter:
             for points, made_by in zip(self._points, self._made_by, strict=True)
         ]
         for camera in bad:
-            yield self._why(camera, float(share[camera]), sure)
+            yield self._cause(camera, float(share[camera]), sure)
 
-    def _why(self, index: int, share: float, sure: list[Floats]) -> str:
+    def _cause(self, index: int, share: float, sure: list[Floats]) -> str:
         """What is wrong with a camera, judged by the points that the other cameras found."""
         camera, own = self._rig.cameras[index], [views[index] for views in self._views]
         name, middle = camera.name, (np.array(camera.size) - 1) / 2
         reasons = {
             f"{name} sends the images of {other.name}: exchange their cables, or their names in the settings": (
-                _explained(other, own, sure)
+                _share_explained(other, own, sure)
             )
             for number, other in enumerate(self._rig.cameras)
             if number != index
@@ -102,11 +102,11 @@ class FitCounter:
         for how, signs in _FLIPS.items():
             flipped = [(balls - middle) * signs + middle for balls in own]
             why = f"the images of {name} are {how}: set its driver as it was when it was calibrated"
-            reasons[why] = _explained(camera, flipped, sure)
+            reasons[why] = _share_explained(camera, flipped, sure)
         for late in range(-MOST_LATE, MOST_LATE + 1):
             word = "late" if late > 0 else "early"
             why = f"the images of {name} are {abs(late)} frames {word}: trigger all cameras by one line"
-            reasons[why] = _explained(camera, own, sure, late) if late else 0.0
+            reasons[why] = _share_explained(camera, own, sure, late) if late else 0.0
         best = max(reasons, key=lambda why: reasons[why])
         if reasons[best] > EXPLAINED:
             return best
@@ -120,7 +120,7 @@ class FitCounter:
         )
 
 
-def _explained(camera: Camera, own: list[Floats], sure: list[Floats], late: int = 0) -> float:
+def _share_explained(camera: Camera, own: list[Floats], sure: list[Floats], late: int = 0) -> float:
     """How many of the balls lie where a camera would see points: 1 if all do exactly."""
     n_points = n_balls = 0
     fitting = 0.0

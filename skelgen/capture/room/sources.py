@@ -229,14 +229,14 @@ def _open_room(text: SourceText, options: RoomOptions) -> RoomSource:
         return SimulatedRoom(simulated.frame_scene(rig, n_frames), rig, seed)
     if text.place == "arm":
         arm = simulated.room_arm()
-        scene = _alone(
+        scene = _with_some_targets(
             simulated.person_scene(rig, n_frames, arm, rate=rate, walk=0.0, seed=seed), arm, str(options.show)
         )
         return SimulatedRoom(scene, rig, seed, arm)
     return SimulatedRoom(simulated.person_scene(rig, n_frames, text.place or "human", rate=rate, seed=seed), rig, seed)
 
 
-def _alone(scene: simulated.RoomScene, arm: Structure, names: str) -> simulated.RoomScene:
+def _with_some_targets(scene: simulated.RoomScene, arm: Structure, names: str) -> simulated.RoomScene:
     """The scene with some targets only, or with all if none is named."""
     shown, known = [name.strip() for name in names.split(",") if name.strip()], [limb.name for limb in arm.limbs]
     for name in shown:
