@@ -31,7 +31,7 @@ N_JOINTS = 3
 
 def unpacked(content):
     """The data of the view, its states, shape (n_columns, n_frames), and its places [mm], (n_frames, n_points, 3)."""
-    data = json.loads(content["data"])
+    data = json.loads(content.data)
     packed = np.frombuffer(zlib.decompress(base64.b64decode(data["packed"])), dtype=np.uint8)
     n_frames, n_points = data["nFrames"], len(data["joints"]) + len(data["names"])
     states, rest = np.split(packed, [(n_points + len(data["limbs"])) * n_frames])

@@ -140,7 +140,7 @@ def test_bare_take_has_a_report(take, is_played):
 def test_a_constant_number_of_points_is_told_once_and_many_notices_are_folded():
     cloud = PointCloud(np.arange(12.0).reshape(4, 3), np.array([0, 2, 4]), np.array([0.0, 0.1]))
     few, many = (replace(cloud, notices=tuple(map(str, range(number)))) for number in (12, 13))
-    assert ("Points per frame", "2") in report_content(Project(cloud))["input"]["facts"]
+    assert ("Points per frame", "2") in report_content(Project(cloud)).input.facts
     assert "<details open><summary>Notices of all stages (12)" in report_html(Project(few))
     assert "<details><summary>Notices of all stages (13)" in report_html(Project(many))
 
@@ -156,16 +156,16 @@ def test_markers_left_out_and_pairs_never_seen_together_are_shown():
     deviation = np.full((12, 12), np.nan)
     limbs = Limbs(np.array([0, 0, 0, -1, 1, 1, 1, 1, 1, 1, 1, 1]), deviation)
     content = report_content(project.with_limbs(limbs, StageReport()))
-    assert content["limbs"]["left_out"] == ["a&b"]
-    assert content["sentences"][-1] == "11 markers sit on 2 rigid limbs, 1 marker left out."
+    assert content.limbs.left_out == ["a&b"]
+    assert content.sentences[-1] == "11 markers sit on 2 rigid limbs, 1 marker left out."
 
 
 def test_a_section_is_there_once_its_stage_has_run():
     names = ("gaps", "limbs", "tree", "joints", "lengths", "angles", "pose", "deviations")
     found = {until: report_content(build_project(until)) for until in ("labels", "limbs", "joints", "skeleton")}
-    n_found = {until: sum(content[name] is not None for name in names) for until, content in found.items()}
+    n_found = {until: sum(getattr(content, name) is not None for name in names) for until, content in found.items()}
     assert n_found == {"labels": 1, "limbs": 2, "joints": 5, "skeleton": 8}
-    assert found["joints"]["joints"]["fitted"] == []
+    assert found["joints"].joints.fitted == []
 
 
 def test_single_limb_without_joints_has_a_report():
@@ -215,7 +215,7 @@ def test_changed_parameters_are_marked_and_defaults_are_not():
     values = declared.as_mapping() | {number.name: number.default + 1}
     project = build_project("limbs")
     project = project.with_limbs(project.limbs, StageReport(values))
-    assert report_content(project)["stages"][1]["changed"] == [number.name]
+    assert report_content(project).stages[1].changed == [number.name]
 
 
 def test_spread_is_the_deviation_of_the_raw_distance(project):
@@ -289,7 +289,7 @@ def test_report_says_what_limbs_are_called_where_it_says_what_motion_does_not_de
     project = make_project(parents=(-1, 0, 0)).with_limb_names(("pelvis", "left thigh", "right thigh"))
     placed = tuple(replace(joint, is_placed_by_marker_set=True) for joint in project.skeleton.joints)
     project = replace(project, _skeleton=replace(project.skeleton, joints=placed))
-    sentence = report_content(project)["angles"]["sentences"][0]
+    sentence = report_content(project).angles.sentences[0]
     assert sentence.startswith("the joint between pelvis and left thigh is placed by the marker set")
 
 

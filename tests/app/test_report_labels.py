@@ -52,19 +52,19 @@ def test_project_that_does_not_know_how_sure_it_is_has_no_section():
 @pytest.mark.parametrize("kind", DOUBT_KINDS)
 def test_every_kind_of_doubt_has_a_remedy(kind):
     project = build(doubts=doubts(1, kind))
-    ((_, doubt, remedy),) = report_content(project)["labels"]["rows"]
+    ((_, doubt, remedy),) = report_content(project).labels.rows
     assert remedy == REMEDIES[kind]
     assert doubt.reason == "reason <0>"
     assert '<td class="w">0</td>' in report_html(project)
 
 
 def test_the_longest_doubts_are_shown_in_order_of_time_and_the_rest_is_counted():
-    labels = report_content(build(doubts=doubts(100)))["labels"]
-    firsts = [doubt.first_frame for _, doubt, _ in labels["rows"]]
-    assert len(labels["rows"]) == MOST_ROWS
-    assert labels["more"] == 100 - MOST_ROWS
+    labels = report_content(build(doubts=doubts(100))).labels
+    firsts = [doubt.first_frame for _, doubt, _ in labels.rows]
+    assert len(labels.rows) == MOST_ROWS
+    assert labels.more == 100 - MOST_ROWS
     assert firsts == sorted(firsts)
-    assert any(doubt.reason == "reason <99>" for _, doubt, _ in labels["rows"])
+    assert any(doubt.reason == "reason <99>" for _, doubt, _ in labels.rows)
 
 
 @pytest.mark.parametrize("kind", FINDING_KINDS)
@@ -84,14 +84,14 @@ def test_names_and_reasons_are_text():
 
 
 def test_sentence_at_the_top_tells_of_doubts():
-    assert any("not sure in 2 spans" in sentence for sentence in report_content(build(doubts=doubts(2)))["sentences"])
+    assert any("not sure in 2 spans" in sentence for sentence in report_content(build(doubts=doubts(2))).sentences)
 
 
 def test_other_method_is_compared():
-    labels = report_content(build(classic=Agreement("sets", 9, 1000, 0.875)))["labels"]
-    assert labels["classic"][0][:2] == ("rigidity", "6 markers")
-    assert labels["classic"][1][1:3] == ("9 markers", "1000")
-    assert "87.5" in labels["classic"][1][3]
+    labels = report_content(build(classic=Agreement("sets", 9, 1000, 0.875))).labels
+    assert labels.classic[0][:2] == ("rigidity", "6 markers")
+    assert labels.classic[1][1:3] == ("9 markers", "1000")
+    assert "87.5" in labels.classic[1][3]
 
 
 def test_long_takes_with_many_tracks_stay_small():

@@ -4,14 +4,13 @@ Texts and tables come from the template, drawings are inline SVG in the template
 embedded pictures. Nothing is loaded from elsewhere, and apart from times the same project gives the same bytes.
 """
 
-from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
 
 from jinja2 import DictLoader, Environment, StrictUndefined
 
 from skelgen.app.drawing.wording import degrees, digits, duration, fixed, percent, shown
-from skelgen.app.report.contents import report_content, view_content
+from skelgen.app.report.contents import ReportContent, ViewContent, report_content, view_content
 from skelgen.errors import InputError
 from skelgen.files import replacing
 from skelgen.model import Project
@@ -71,7 +70,7 @@ def write_view(project: Project, path: Path) -> Path:
         If the file cannot be written.
     """
     content = view_content(project)
-    if content["play"] is None:
+    if content.play is None:
         raise InputError(f"{project.name or 'the take'}: no point is seen in any frame, so there is nothing to view")
     return _written(_rendered("view.html", content), path)
 
@@ -96,11 +95,11 @@ def report_html(project: Project, monitor: Monitor = SILENT) -> str:
     return _rendered("template.html", report_content(project, monitor))
 
 
-def _rendered(template: str, content: Mapping[str, object]) -> str:
+def _rendered(template: str, content: ReportContent | ViewContent) -> str:
     folder = resources.files(__name__)
     sources = {name: folder.joinpath(name).read_text(encoding="utf-8") for name in _TEMPLATES}
     environment = Environment(
         loader=DictLoader(sources), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     environment.filters.update(_FILTERS)
-    return environment.get_template(template).render(content)
+    return environment.get_template(template).render(vars(content))

@@ -2,10 +2,13 @@
 
 import platform
 from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from importlib import metadata
 from pathlib import PurePath
 
 import numpy as np
+from markupsafe import Markup
 
 import skelgen
 from skelgen.app import STAGE_SUMMARIES
@@ -16,20 +19,23 @@ from skelgen.app.drawing.graph import CostGraph, find_cost_graph
 from skelgen.app.drawing.scales import limb_colour
 from skelgen.app.drawing.wording import duration, millimetres, percent, plain
 from skelgen.app.report.curves import points_figure
-from skelgen.app.report.labels import gaps_content, labels_content
-from skelgen.app.report.limbs_and_joints import (
+from skelgen.app.report.joints import (
+    AnglesContent,
+    JointsContent,
+    LengthsContent,
     angles_content,
-    deviations_content,
     joints_content,
     lengths_content,
-    limbs_content,
 )
+from skelgen.app.report.labels import GapsContent, LabelsContent, gaps_content, labels_content
+from skelgen.app.report.limbs import DeviationsContent, LimbsContent, deviations_content, limbs_content
 from skelgen.app.report.pictures import cost_figure
-from skelgen.app.report.play import play_content
+from skelgen.app.report.play import PlayContent, play_content
 from skelgen.app.report.skeleton import graph_figure, pose_figures, sign_figure, tree_figure
 from skelgen.app.stage_summary import stage_notices
 from skelgen.model import PointCloud, Poses, Project
 from skelgen.model.skeleton import JOINT_TYPES
+from skelgen.parameters import Declaration
 from skelgen.progress import SILENT, Monitor, counted, listed
 
 _LIBRARIES = ("numpy", "scipy")
@@ -39,12 +45,138 @@ _KIND_WORDS = {
     "Trajectories": "labelled markers",
     "Poses": "bodies with position and orientation",
 }
-_SECTIONS = ("gaps", "labels", "limbs", "tree", "joints", "lengths", "angles", "pose", "deviations")
-"""Those that are None before their stage has run."""
 _SIGN_SIDE = 18.0
 
 
-def report_content(project: Project, monitor: Monitor = SILENT) -> dict[str, object]:
+@dataclass(frozen=True, eq=False)
+class InputContent:
+    """The section of what was read.
+
+    Attributes
+    ----------
+    facts : list of tuple of str
+        Names and values.
+    figure : Markup or None
+        Points in each frame, of a take without labels.
+    """
+
+    facts: list[tuple[str, str]]
+    figure: Markup | None = None
+
+
+@dataclass(frozen=True)
+class StageRow:
+    """A stage that ran.
+
+    Attributes
+    ----------
+    name, summary : str
+        What it is called, and what it does.
+    seconds : float, s
+        How long it took; 0 where that is not known, as of a batch, which keeps times apart.
+    share : float
+        Its part of the time of all stages.
+    parameters : sequence of tuple
+        Name and value of each parameter with which it ran, and what is declared of it, if this version knows it; empty
+        where they are not known.
+    changed : list of str
+        Parameters whose value is not the default.
+    """
+
+    name: str
+    summary: str
+    seconds: float
+    share: float
+    parameters: Sequence[tuple[str, object, Declaration | None]]
+    changed: list[str]
+
+
+@dataclass(frozen=True, eq=False)
+class TreeContent:
+    """The section of the tree.
+
+    Attributes
+    ----------
+    figure, graph, matrix : Markup
+        The tree, and the costs of all joints as a graph and as a matrix.
+    signs : list of tuple
+        Types of joints in the tree, and the sign of each.
+    """
+
+    figure: Markup
+    graph: Markup
+    matrix: Markup
+    signs: list[tuple[str, Markup]]
+
+
+@dataclass(frozen=True, eq=False)
+class ViewContent:
+    """What the page with the view alone shows.
+
+    Attributes
+    ----------
+    title, sentence : str
+        Name and size of the take.
+    colours : list of tuple
+        Each limb with its colour on a light and on a dark page.
+    play : PlayContent or None
+        The view; None if nothing is ever seen.
+    """
+
+    title: str
+    sentence: str
+    colours: list[tuple[int, str, str]]
+    play: PlayContent | None
+
+
+@dataclass(frozen=True, eq=False)
+class ReportContent:
+    """Everything that the template of the report shows; sections are None where their stage has not run.
+
+    Attributes
+    ----------
+    title : str
+        Name of the take.
+    sentences : list of str
+        The most important results.
+    tiles, notices, versions : list of tuple of str
+        Numbers with their names; stages with their notices; libraries with their versions.
+    input : InputContent
+        What was read.
+    stages : list of StageRow
+        What ran.
+    seed : int
+        Random seed.
+    colours : list of tuple
+        Each limb with its colour on a light and on a dark page.
+    play, gaps, labels, limbs, tree, joints, lengths, angles, deviations
+        Sections.
+    pose : list of tuple, or None
+        Views of the reference pose: title and drawing.
+    """
+
+    title: str
+    sentences: list[str]
+    tiles: list[tuple[str, str]]
+    input: InputContent
+    notices: list[tuple[str, str]]
+    stages: list[StageRow]
+    versions: list[tuple[str, str]]
+    seed: int
+    colours: list[tuple[int, str, str]]
+    play: PlayContent | None
+    gaps: GapsContent | None = None
+    labels: LabelsContent | None = None
+    limbs: LimbsContent | None = None
+    tree: TreeContent | None = None
+    joints: JointsContent | None = None
+    lengths: LengthsContent | None = None
+    angles: AnglesContent | None = None
+    pose: list[tuple[str, Markup]] | None = None
+    deviations: DeviationsContent | None = None
+
+
+def report_content(project: Project, monitor: Monitor = SILENT) -> ReportContent:
     """Return everything that the template of the report shows.
 
     Parameters
@@ -55,36 +187,40 @@ def report_content(project: Project, monitor: Monitor = SILENT) -> dict[str, obj
         Receives progress; may cancel.
     """
     libraries = [(name, metadata.version(name)) for name in _LIBRARIES]
-    content: dict[str, object] = dict.fromkeys(_SECTIONS) | {
-        "title": _title(project),
-        "sentences": _sentences(project),
-        "tiles": _tiles(project),
-        "input": _input(project),
-        "notices": _notices(project),
-        "stages": _stages(project),
-        "versions": [("skelgen", skelgen.__version__), *libraries, ("Python", platform.python_version())],
-        "seed": project.seed,
-        "colours": _colours(project),
-        "play": play_content(project),
-    }
+    content = ReportContent(
+        title=_title(project),
+        sentences=_sentences(project),
+        tiles=_tiles(project),
+        input=_input(project),
+        notices=_notices(project),
+        stages=_stages(project),
+        versions=[("skelgen", skelgen.__version__), *libraries, ("Python", platform.python_version())],
+        seed=project.seed,
+        colours=_colours(project),
+        play=play_content(project),
+    )
     if project.has("labels") and project.trajectories.n_frames and project.trajectories.n_markers:
-        content["gaps"] = gaps_content(project, monitor)
-        content["labels"] = labels_content(project) if project.has_labelling else None
+        labels = labels_content(project) if project.has_labelling else None
+        content = replace(content, gaps=gaps_content(project, monitor), labels=labels)
     if project.has("limbs") and project.limbs.n_limbs:
-        content["limbs"] = limbs_content(project)
+        content = replace(content, limbs=limbs_content(project))
     if project.has("joints") and project.topology.n_joints:
         graph, lengths = find_cost_graph(project), measures.joint_lengths(project)
-        content["tree"] = _tree(project, graph, lengths)
-        content["joints"], content["lengths"] = joints_content(project, graph), lengths_content(project, lengths)
-        content["angles"] = angles_content(project) if project.has("skeleton") else None
+        content = replace(
+            content,
+            tree=_tree(project, graph, lengths),
+            joints=joints_content(project, graph),
+            lengths=lengths_content(project, lengths),
+            angles=angles_content(project) if project.has("skeleton") else None,
+        )
     if project.has("skeleton") and project.skeleton.n_limbs:
-        content["pose"] = pose_figures(project)
+        content = replace(content, pose=pose_figures(project))
     if project.has("skeleton") and np.isfinite(project.motion.residuals).any():
-        content["deviations"] = deviations_content(project)
+        content = replace(content, deviations=deviations_content(project))
     return content
 
 
-def view_content(project: Project) -> dict[str, object]:
+def view_content(project: Project) -> ViewContent:
     """Return everything that the page with the view alone shows.
 
     Parameters
@@ -92,8 +228,7 @@ def view_content(project: Project) -> dict[str, object]:
     project : Project
         Any project, from a bare take to a fitted skeleton.
     """
-    shown = {"title": _title(project), "sentence": _take_sentence(project)}
-    return shown | {"colours": _colours(project), "play": play_content(project)}
+    return ViewContent(_title(project), _take_sentence(project), _colours(project), play_content(project))
 
 
 def _title(project: Project) -> str:
@@ -203,7 +338,7 @@ def _tiles(project: Project) -> list[tuple[str, str]]:
     return tiles
 
 
-def _input(project: Project) -> dict[str, object]:
+def _input(project: Project) -> InputContent:
     take = project.take
     facts = [("Name", take.name or "–"), ("Content", _KIND_WORDS[type(take).__name__])]
     suffix = PurePath(take.name).suffix
@@ -215,12 +350,13 @@ def _input(project: Project) -> dict[str, object]:
         per_frame = take.points_per_frame
         ends = dict.fromkeys([str(per_frame.min()), str(per_frame.max())] if take.n_frames else ["–"])
         facts += [("Points", str(take.n_points)), ("Points per frame", " to ".join(ends))]
-        return {"facts": facts, "figure": points_figure(take) if take.n_points else None}
-    counted = ("Bodies", take.n_bodies) if isinstance(take, Poses) else ("Markers", take.n_markers)
-    return {"facts": [*facts, (counted[0], str(counted[1]))], "figure": None}
+        return InputContent(facts, points_figure(take)) if take.n_points else InputContent(facts)
+    if isinstance(take, Poses):
+        return InputContent([*facts, ("Bodies", str(take.n_bodies))])
+    return InputContent([*facts, ("Markers", str(take.n_markers))])
 
 
-def _stages(project: Project) -> list[dict[str, object]]:
+def _stages(project: Project) -> list[StageRow]:
     """The stages that have run, in the order of the pipeline."""
     rows = []
     for stage in (stage for stage in STAGE_SUMMARIES if stage in project.reports):
@@ -229,8 +365,7 @@ def _stages(project: Project) -> list[dict[str, object]]:
         parameters = [(name, value, declared.get(name)) for name, value in report.parameters.items()]
         changed = [name for name, value, entry in parameters if entry is not None and value != entry.default]
         share = report.seconds / max(sum(one.seconds for one in project.reports.values()), 1e-9)
-        row = {"name": stage, "summary": STAGE_SUMMARIES[stage], "seconds": report.seconds, "share": share}
-        rows.append(row | {"parameters": parameters, "changed": changed})
+        rows.append(StageRow(stage, STAGE_SUMMARIES[stage], report.seconds, share, parameters, changed))
     return rows
 
 
@@ -244,11 +379,10 @@ def _notices(project: Project) -> list[tuple[str, str]]:
     return list(dict.fromkeys(notices))
 
 
-def _tree(project: Project, graph: CostGraph, lengths: list[measures.Length]) -> dict[str, object]:
+def _tree(project: Project, graph: CostGraph, lengths: list[measures.Length]) -> TreeContent:
     used = {joint.kind for joint in project.skeleton.joints} if project.has("skeleton") else set()
     signs = []
     for kind in (kind for kind in JOINT_TYPES if kind in used):
         sign, label = sign_figure(kind, _SIGN_SIDE / 2, _SIGN_SIDE / 2), f"sign of a {kind} joint"
         signs.append((kind, svg.drawing(_SIGN_SIDE, _SIGN_SIDE, label, sign, least=_SIGN_SIDE)))
-    figures = {"figure": tree_figure(project, lengths), "graph": graph_figure(project, graph)}
-    return figures | {"matrix": cost_figure(project), "signs": signs}
+    return TreeContent(tree_figure(project, lengths), graph_figure(project, graph), cost_figure(project), signs)

@@ -5,6 +5,8 @@ the same tracks in a row per marker. Two shades take turns, so that tracks that 
 """
 
 import heapq
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from markupsafe import Markup
@@ -34,7 +36,7 @@ from skelgen.kinematics.gap_filling.filling import fill_project
 from skelgen.model import Labelling, PointCloud, Project
 from skelgen.model.arrays import Ints
 from skelgen.model.filled import PositionSource
-from skelgen.model.labelling import Tracklets, seen_runs
+from skelgen.model.labelling import Doubt, Finding, Tracklets, seen_runs
 from skelgen.progress import Monitor, counted
 
 _SOURCE_WORDS = {
@@ -53,28 +55,63 @@ _MOST_QUESTIONS = 10
 _FINDING_WORDS = {"exchanged": "Labels exchanged", "moved": "Label on another marker", "slipped": "Marker slipped"}
 
 
-def labels_content(project: Project) -> dict[str, object]:
+@dataclass(frozen=True, eq=False)
+class LabelsContent:
+    """What the template shows of the labels.
+
+    Attributes
+    ----------
+    facts : list of tuple of str
+        Names and values.
+    advice, questions : list of str
+        What could be done, and what the user could tell.
+    rate : float, Hz
+        Of the take.
+    rows : list of tuple of str, Doubt and str
+        The longest doubtful spans: marker, span, and what to do.
+    findings : list of tuple of str and Finding
+        Errors of the labels in the file, the first: what each is in words, and it.
+    more, more_findings : int
+        How many of both are not shown.
+    confidence, tracks, marker_tracks : str
+        Figures; empty where nothing is known of tracks.
+    classic : list of tuple of str
+        Method, markers, points with a marker and agreement; empty if there is nothing to compare.
+    """
+
+    facts: list[tuple[str, str]]
+    advice: Sequence[str]
+    questions: list[str]
+    rate: float
+    rows: list[tuple[str, Doubt, str]]
+    findings: list[tuple[str, Finding]]
+    more: int
+    more_findings: int
+    confidence: str
+    tracks: str
+    marker_tracks: str
+    classic: list[tuple[str, str, str, str]]
+
+
+def labels_content(project: Project) -> LabelsContent:
     """Return what the template shows of the labels of a project that knows how sure they are."""
     labelling, names = project.labelling, project.trajectories.names
     drawn = labelling.tracklets if labelling.tracklets is not None and labelling.tracklets.n_parts else None
-    longest = sorted(labelling.doubts, key=lambda doubt: doubt.first_frame - doubt.last_frame)[:_MOST_ROWS]
-    shown = sorted(longest, key=lambda doubt: doubt.first_frame)
-    return {
-        "facts": _facts(project),
-        "advice": advice_on(project),
-        "questions": [one.sentence(names) for one in open_questions(project)[:_MOST_QUESTIONS]],
-        "rate": project.trajectories.rate,
-        "rows": [
-            (names[one.marker], one, REMEDIES[one.kind]) for one in sorted(shown, key=lambda one: one.first_frame)
-        ],
-        "findings": [(_FINDING_WORDS[finding.kind], finding) for finding in labelling.findings[:_MOST_ROWS]],
-        "more": len(labelling.doubts) - len(shown),
-        "more_findings": max(len(labelling.findings) - _MOST_ROWS, 0),
-        "confidence": confidence_figure(project),
-        "tracks": _tracks_figure(project, drawn) if drawn else "",
-        "marker_tracks": _marker_tracks_figure(project, drawn) if drawn else "",
-        "classic": _comparison(project, labelling),
-    }
+    shown = sorted(labelling.doubts, key=lambda doubt: doubt.first_frame - doubt.last_frame)[:_MOST_ROWS]
+    return LabelsContent(
+        facts=_facts(project),
+        advice=advice_on(project),
+        questions=[one.sentence(names) for one in open_questions(project)[:_MOST_QUESTIONS]],
+        rate=project.trajectories.rate,
+        rows=[(names[one.marker], one, REMEDIES[one.kind]) for one in sorted(shown, key=lambda one: one.first_frame)],
+        findings=[(_FINDING_WORDS[finding.kind], finding) for finding in labelling.findings[:_MOST_ROWS]],
+        more=len(labelling.doubts) - len(shown),
+        more_findings=max(len(labelling.findings) - _MOST_ROWS, 0),
+        confidence=confidence_figure(project),
+        tracks=_tracks_figure(project, drawn) if drawn else "",
+        marker_tracks=_marker_tracks_figure(project, drawn) if drawn else "",
+        classic=_comparison(project, labelling),
+    )
 
 
 def _facts(project: Project) -> list[tuple[str, str]]:
@@ -240,7 +277,26 @@ def _painted(
     return pixels
 
 
-def gaps_content(project: Project, monitor: Monitor) -> dict[str, object]:
+@dataclass(frozen=True, eq=False)
+class GapsContent:
+    """The section of when each marker is seen.
+
+    Attributes
+    ----------
+    figure : Markup
+        Timeline of all markers.
+    facts : list of tuple of str
+        Names and values.
+    can_fill : bool
+        Whether there are gaps, and a skeleton that fills them.
+    """
+
+    figure: Markup
+    facts: list[tuple[str, str]]
+    can_fill: bool = False
+
+
+def gaps_content(project: Project, monitor: Monitor) -> GapsContent:
     """Return the section of gaps; with a skeleton, what they can be filled from.
 
     Parameters
@@ -252,13 +308,13 @@ def gaps_content(project: Project, monitor: Monitor) -> dict[str, object]:
     """
     facts = _gap_facts(project)
     if not project.has("skeleton") or project.trajectories.seen.all():
-        return {"figure": gaps_figure(project), "facts": facts, "can_fill": False}
+        return GapsContent(gaps_figure(project), facts)
     filled = fill_project(project, monitor)
     for source, words in _SOURCE_WORDS.items():
         stds = filled.std[filled.source == source]
         if len(stds):
             facts.append((words, f"{len(stds)} (± {millimetres(float(np.median(stds)))})"))
-    return {"figure": gaps_figure(project, filled), "facts": facts, "can_fill": True}
+    return GapsContent(gaps_figure(project, filled), facts, can_fill=True)
 
 
 def _gap_facts(project: Project) -> list[tuple[str, str]]:

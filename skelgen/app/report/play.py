@@ -53,7 +53,42 @@ class _Points:
     counts: Ints
 
 
-def play_content(project: Project) -> dict[str, object] | None:
+@dataclass(frozen=True)
+class PlayContent:
+    """What the template of the view shows.
+
+    Attributes
+    ----------
+    data, script : Markup
+        The take as JSON, and the program that draws it.
+    hash : str
+        SHA-256 of the program in base64: nothing else may run in the page.
+    label : str
+        What the view shows, for those who do not see it.
+    stride : int
+        Every how many-th frame is shown.
+    last : int
+        Number of the last frame that is shown.
+    has_skeleton, has_doubt, has_gaps : bool
+        Whether there are bones, doubtful markers, markers that are not seen.
+    n_open, n_doubtful : int
+        Joints whose place the motion does not determine, and joints that may connect other limbs.
+    """
+
+    data: Markup
+    script: Markup
+    hash: str
+    label: str
+    stride: int
+    last: int
+    has_skeleton: bool
+    has_doubt: bool
+    has_gaps: bool
+    n_open: int
+    n_doubtful: int
+
+
+def play_content(project: Project) -> PlayContent | None:
     """Return what the template of the view shows; None if nothing is ever seen.
 
     Parameters
@@ -87,19 +122,19 @@ def play_content(project: Project) -> dict[str, object] | None:
     }
     folder = resources.files(__package__)
     script = "".join(folder.joinpath(name).read_text(encoding="utf-8") for name in _SCRIPTS)
-    return {
-        "data": Markup(json.dumps(data, allow_nan=False).replace("<", "\\u003c")),  # a name stays a name
-        "script": Markup(script),
-        "hash": base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
-        "label": _label(project, points),
-        "stride": stride,
-        "last": len(points.places) - 1,
-        "has_skeleton": bool(data["bones"]),
-        "has_doubt": bool((points.states == poses.MarkerState.DOUBTFUL).any()),
-        "has_gaps": bool((points.states == poses.MarkerState.FILLED).any()),
-        "n_open": sum(joint["open"] for joint in data["joints"]),
-        "n_doubtful": sum(joint["doubtful"] for joint in data["joints"]),
-    }
+    return PlayContent(
+        data=Markup(json.dumps(data, allow_nan=False).replace("<", "\\u003c")),  # a name stays a name
+        script=Markup(script),
+        hash=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
+        label=_label(project, points),
+        stride=stride,
+        last=len(points.places) - 1,
+        has_skeleton=bool(data["bones"]),
+        has_doubt=bool((points.states == poses.MarkerState.DOUBTFUL).any()),
+        has_gaps=bool((points.states == poses.MarkerState.FILLED).any()),
+        n_open=sum(joint["open"] for joint in data["joints"]),
+        n_doubtful=sum(joint["doubtful"] for joint in data["joints"]),
+    )
 
 
 def _label(project: Project, points: _Points) -> str:
