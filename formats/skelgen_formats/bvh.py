@@ -37,7 +37,7 @@ from skelgen.files import replacing
 from skelgen.geometry.rotations import euler_angles
 from skelgen.model import Project, Skeleton
 from skelgen.model.arrays import Floats
-from skelgen.progress import SILENT, Monitor, with_progress
+from skelgen.progress import Monitor, with_progress
 from skelgen_formats.bones import COLON, bone_names, bone_tip, bone_transforms, free_limbs, lost_in_animations
 from skelgen_formats.bvh_reader import read_bvh
 from skelgen_formats.options import (
@@ -63,34 +63,14 @@ _DECIMALS_OF_MM = 6
 _DECIMALS_OF_DEGREES = 7  # 2e-9 rad: on a chain of a hundred metres less than a thousandth of a millimetre
 
 
-def write_bvh(value: Writable, path: Path, unit: str = "mm", monitor: Monitor = SILENT) -> list[Path]:
-    """Write skeleton and motion of a finished project, every root with its place, every joint with three angles.
-
-    Parameters
-    ----------
-    value : Project
-        Finished.
-    path : Path
-        The file.
-    unit : str
-        Of the lengths in the file: ``mm``, ``cm`` or ``m``.
-    monitor : Monitor
-        Shows progress; may cancel.
-
-    Raises
-    ------
-    WriteError
-        If the value is no project or has no frames, or the file cannot be written.
-    MissingResultError
-        If the project has no skeleton yet.
-    """
+def _write(value: Writable, path: Path, options: Options, monitor: Monitor) -> None:
+    """Write skeleton and motion of a finished project, every root with its place, every joint with three angles."""
     project = moving_project(value, _TITLE)
-    rows = with_progress(_rows(project, unit), project.motion.n_frames, monitor)
+    rows = with_progress(_rows(project, options.unit), project.motion.n_frames, monitor)
     with replacing(path) as temporary, temporary.open("w", encoding="ascii", newline="\n") as stream:
-        stream.writelines(f"{line}\n" for line in _hierarchy(project, unit))
+        stream.writelines(f"{line}\n" for line in _hierarchy(project, options.unit))
         stream.write(f"MOTION\nFrames: {project.motion.n_frames}\nFrame Time: {1 / project.motion.rate:.12g}\n")
         stream.writelines(rows)
-    return [path]
 
 
 def _hierarchy(project: Project, unit: str) -> Iterator[str]:
@@ -181,7 +161,7 @@ FORMAT = Format(
     suffixes=(".bvh",),
     holds="skeleton",
     read_motion=read_bvh,
-    write=lambda value, path, options, monitor: write_bvh(value, path, options.unit, monitor),
+    write=_write,
     check=lambda value, options: moving_project(value, _TITLE),
     keeps=("joints", "motion"),
     remarks=_remarks,

@@ -16,15 +16,8 @@ import numpy as np
 from skelgen.files import replacing
 from skelgen.model import Project, Skeleton
 from skelgen.model.arrays import Floats
-from skelgen.progress import SILENT, Monitor, with_progress
-from skelgen_formats.bones import (
-    COLON,
-    bone_names,
-    bone_transforms,
-    check_single_precision,
-    scaled_poses,
-    xyzw_from_matrix,
-)
+from skelgen.progress import Monitor, with_progress
+from skelgen_formats import bones
 from skelgen_formats.options import (
     AXES,
     BONE_NAMES,
@@ -47,45 +40,25 @@ _VERSION = 910  # of the 0.9 era: also the later forks accept it
 _CONJUGATE = np.array([-1.0, -1.0, -1.0, 1.0])
 
 
-def write_cal3d(value: Writable, path: Path, unit: str = "mm", monitor: Monitor = SILENT) -> list[Path]:
-    """Write skeleton and animation beside each other, whichever of the two `path` names.
-
-    Parameters
-    ----------
-    value : Project
-        Finished.
-    path : Path
-        Skeleton or animation; the other stands beside it.
-    unit : str
-        Of the lengths in the file: ``mm``, ``cm`` or ``m``.
-    monitor : Monitor
-        Shows progress; may cancel.
-
-    Raises
-    ------
-    WriteError
-        If the value is no project or has no frames, a number is beyond single precision, or a file cannot be written.
-    MissingResultError
-        If the project has no skeleton yet.
-    """
+def _write(value: Writable, path: Path, options: Options, monitor: Monitor) -> None:
+    """Write skeleton and animation beside each other, whichever of the two `path` names."""
     project = moving_project(value, _TITLE)
-    check_single_precision(project, _TITLE)  # the loaders silently zero all that follows a number beyond
-    skeleton_path, animation_path = files = files_beside(path, SKELETON_SUFFIX, ANIMATION_SUFFIX)
+    bones.check_single_precision(project, _TITLE)  # the loaders silently zero all that follows a number beyond
+    skeleton_path, animation_path = files_beside(path, SKELETON_SUFFIX, ANIMATION_SUFFIX)
     comments = (f"<!--{comment_text(sentence)}-->\n" for sentence in choices_in(project))
     with replacing(skeleton_path) as skeleton_file, replacing(animation_path) as animation_file:
-        _write(skeleton_file, chain(_skeleton(project.skeleton, unit), comments))
-        _write(animation_file, _animation(project, unit, monitor))
-    return list(files)
+        _write_lines(skeleton_file, chain(_skeleton(project.skeleton, options.unit), comments))
+        _write_lines(animation_file, _animation(project, options.unit, monitor))
 
 
-def _write(path: Path, lines: Iterator[str]) -> None:
+def _write_lines(path: Path, lines: Iterator[str]) -> None:
     with path.open("w", encoding="ascii", errors="xmlcharrefreplace", newline="\n") as stream:
         stream.writelines(lines)
 
 
 def _skeleton(skeleton: Skeleton, unit: str) -> Iterator[str]:
-    reference_pose = scaled_poses(skeleton.reference_pose, per_mm(unit))
-    order, names = skeleton.outward.tolist(), bone_names(skeleton, COLON)
+    reference_pose = bones.scaled_poses(skeleton.reference_pose, per_mm(unit))
+    order, names = skeleton.outward.tolist(), bones.bone_names(skeleton, bones.COLON)
     bone_of_limb = {limb: bone for bone, limb in enumerate(order)} | {-1: -1}
     yield f'<HEADER MAGIC="XSF" VERSION="{_VERSION}"/>\n<SKELETON NUMBONES="{len(order)}">\n'
     for bone, limb in enumerate(order):
@@ -93,12 +66,12 @@ def _skeleton(skeleton: Skeleton, unit: str) -> Iterator[str]:
         children = [bone_of_limb[child] for child in order if skeleton.parents[child] == limb]
         yield f'<BONE ID="{bone}" NAME="{names[limb]}" NUMCHILDS="{len(children)}">\n'
         # text of the bind pose relative to the parent, and of its inverse in the world, which skinned vertices need
-        translation, rotation = bone_transforms(reference_pose, parent, limb)
+        translation, rotation = bones.bone_transforms(reference_pose, parent, limb)
         bone_from_world = reference_pose[limb, :3, :3].T
         yield _element("TRANSLATION", translation)
-        yield _element("ROTATION", xyzw_from_matrix(rotation) * _CONJUGATE)
+        yield _element("ROTATION", bones.xyzw_from_matrix(rotation) * _CONJUGATE)
         yield _element("LOCALTRANSLATION", -bone_from_world @ reference_pose[limb, :3, 3])
-        yield _element("LOCALROTATION", xyzw_from_matrix(bone_from_world) * _CONJUGATE)
+        yield _element("LOCALROTATION", bones.xyzw_from_matrix(bone_from_world) * _CONJUGATE)
         yield f"<PARENTID>{bone_of_limb[parent]}</PARENTID>\n"
         yield from (f"<CHILDID>{child}</CHILDID>\n" for child in children)
         yield "</BONE>\n"
@@ -107,15 +80,15 @@ def _skeleton(skeleton: Skeleton, unit: str) -> Iterator[str]:
 
 def _animation(project: Project, unit: str, monitor: Monitor) -> Iterator[str]:
     skeleton, motion = project.skeleton, project.motion
-    world_from_limb = scaled_poses(motion.world_from_limb, per_mm(unit))
+    world_from_limb = bones.scaled_poses(motion.world_from_limb, per_mm(unit))
     order = skeleton.outward.tolist()
     times = [f"{time:.9g}" for time in motion.times]
     duration = times[-1] if motion.n_frames > 1 else f"{1 / motion.rate:.9g}"  # zero is refused by the loaders
     key = f'<KEYFRAME TIME="%s">\n{_template("TRANSLATION", 3)}{_template("ROTATION", 4)}</KEYFRAME>\n'
     yield f'<HEADER MAGIC="XAF" VERSION="{_VERSION}"/>\n<ANIMATION NUMTRACKS="{len(order)}" DURATION="{duration}">\n'
     for bone, limb in enumerate(with_progress(order, len(order), monitor, every=1)):
-        translations, rotations = bone_transforms(world_from_limb, int(skeleton.parents[limb]), limb)
-        numbers = np.concatenate([translations, xyzw_from_matrix(rotations) * _CONJUGATE], axis=1)
+        translations, rotations = bones.bone_transforms(world_from_limb, int(skeleton.parents[limb]), limb)
+        numbers = np.concatenate([translations, bones.xyzw_from_matrix(rotations) * _CONJUGATE], axis=1)
         yield f'<TRACK BONEID="{bone}" NUMKEYFRAMES="{motion.n_frames}">\n'
         yield from (key % (time, *row) for time, row in zip(times, numbers.tolist(), strict=True))
         yield "</TRACK>\n"
@@ -140,7 +113,7 @@ FORMAT = Format(
     title="Cal3D skeleton and animation",
     suffixes=(SKELETON_SUFFIX, ANIMATION_SUFFIX),
     holds="skeleton",
-    write=lambda value, path, options, monitor: write_cal3d(value, path, options.unit, monitor),
+    write=_write,
     check=lambda value, options: moving_project(value, _TITLE),
     files=lambda path, options: files_beside(path, SKELETON_SUFFIX, ANIMATION_SUFFIX),
     keeps=("joints", "motion"),

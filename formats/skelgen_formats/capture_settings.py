@@ -123,22 +123,23 @@ def read_any_settings(
     for name, wanted in (("version", VERSION), ("unit", UNIT)):
         if root.get(name) != wanted:
             raise error_at(path, root, f"{name} is {root.get(name)!r}; only {wanted!r} can be read")
-    cameras = root.find("rig")
-    noise = number_of(path, cameras, "noise")
-    elements = list(cameras.iterfind(CAMERA)) if is_room else [cameras.find(side) for side in (LEFT, RIGHT)]
-    eyes = [_camera(path, element) for element in elements]
+    rig_element = root.find("rig")
+    noise = number_of(path, rig_element, "noise")
+    elements = list(rig_element.iterfind(CAMERA)) if is_room else [rig_element.find(side) for side in (LEFT, RIGHT)]
+    cameras = [_camera(path, element) for element in elements]
     bodies = [_body(path, element) for element in distinct(path, root.iterfind("body"))]
     names = [body.name for body in bodies]
     joints = [_joint(path, element, names) for element in distinct(path, root.iterfind("joint"))]
     source = (root.findtext("source") or "").strip()
     found = [_parameters(path, root, *of) for of in (("detection", detection), ("search", search))]
     if is_room:
-        std = [numbers_of(path, one) if one is not None else _EXACT for one in (eye.find("std") for eye in elements)]
-        room = built(path, cameras, lambda: CameraRig(eyes, noise, np.array(std)))
+        found_std = (element.find("std") for element in elements)
+        std = [numbers_of(path, one) if one is not None else _EXACT for one in found_std]
+        room = built(path, rig_element, lambda: CameraRig(cameras, noise, np.array(std)))
         return RoomSettings(room, bodies, joints, source, *found)
-    spread = cameras.find("covariance")
+    spread = rig_element.find("covariance")
     covariance = None if spread is None else numbers_of(path, spread).reshape(2 * N_CAMERA_STD, -1)
-    rig = built(path, cameras, lambda: StereoRig(eyes[0], eyes[1], noise, covariance))
+    rig = built(path, rig_element, lambda: StereoRig(cameras[0], cameras[1], noise, covariance))
     return CaptureSettings(rig, bodies, joints, source, *found)
 
 

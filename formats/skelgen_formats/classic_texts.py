@@ -16,7 +16,8 @@ import numpy as np
 from skelgen.errors import WriteError
 from skelgen.files import replacing
 from skelgen.model import Project
-from skelgen_formats.options import Format, Writable
+from skelgen.progress import Monitor
+from skelgen_formats.options import Format, Options, Writable
 from skelgen_formats.text import defused
 from skelgen_formats.writing import choices_in
 
@@ -27,49 +28,18 @@ LIMB_COLUMNS = ("marker", "limb", "name")
 """Titles of the table of limbs."""
 
 
-def write_costs(value: Writable, path: Path) -> list[Path]:
-    """Write the matrix that the clustering of markers into limbs rests on.
-
-    Parameters
-    ----------
-    value : Project
-        With limbs.
-    path : Path
-        The file.
-
-    Raises
-    ------
-    WriteError
-        If the value is no project, or the file cannot be written.
-    MissingResultError
-        If markers are not grouped into limbs yet.
-    """
+def _write_costs(value: Writable, path: Path, options: Options, monitor: Monitor) -> None:
+    """Write the matrix that the clustering of markers into limbs rests on."""
     project = _project(value, _COSTS_TITLE)
     deviation = project.limbs.distance_deviation
     head = ["standard deviation of the distance between each two markers [mm]; nan: never seen together"]
     head.append(f"markers: {', '.join(project.trajectories.names)}")
     head += [f"limb {limb}: {_limb(project, limb)}" for limb in range(project.limbs.n_limbs)]
-    _write(path, [*_comments(head), *(" ".join(map(repr, row)) for row in deviation.tolist())])
-    return [path]
+    _write_lines(path, [*_comments(head), *(" ".join(map(repr, row)) for row in deviation.tolist())])
 
 
-def write_tree(value: Writable, path: Path) -> list[Path]:
-    """Write the spanning tree of the limbs with the cost of each joint.
-
-    Parameters
-    ----------
-    value : Project
-        With a tree.
-    path : Path
-        The file.
-
-    Raises
-    ------
-    WriteError
-        If the value is no project, or the file cannot be written.
-    MissingResultError
-        If limbs are not joined yet.
-    """
+def _write_tree(value: Writable, path: Path, options: Options, monitor: Monitor) -> None:
+    """Write the spanning tree of the limbs with the cost of each joint."""
     project = _project(value, _TREE_TITLE)
     topology = project.topology
     lines = [f"limb {limb}: {_limb(project, limb)}" for limb in range(topology.n_limbs)]
@@ -77,27 +47,11 @@ def write_tree(value: Writable, path: Path) -> list[Path]:
     for limb, parent in enumerate(topology.parents.tolist()):
         cost = float(topology.joint_costs[parent, limb]) if parent >= 0 else np.nan
         rows.append(f"{limb} {parent} {cost!r}")
-    _write(path, [*_comments([*lines, *choices_in(project), "limb parent cost_mm2"]), *rows])
-    return [path]
+    _write_lines(path, [*_comments([*lines, *choices_in(project), "limb parent cost_mm2"]), *rows])
 
 
-def write_limbs(value: Writable, path: Path) -> list[Path]:
-    """Write which marker is on which limb; names that a spreadsheet would take for formulas begin with an apostrophe.
-
-    Parameters
-    ----------
-    value : Project
-        With limbs.
-    path : Path
-        The file.
-
-    Raises
-    ------
-    WriteError
-        If the value is no project, or the file cannot be written.
-    MissingResultError
-        If markers are not grouped into limbs yet.
-    """
+def _write_limbs(value: Writable, path: Path, options: Options, monitor: Monitor) -> None:
+    """Write which marker is on which limb; names that a spreadsheet takes for formulas begin with an apostrophe."""
     project = _project(value, _LIMBS_TITLE)
     called = [*map(defused, project.limbs.names), ""]  # the last one is for -1
     found = zip(map(defused, project.trajectories.names), project.limbs.limb_of_marker.tolist(), strict=True)
@@ -105,7 +59,6 @@ def write_limbs(value: Writable, path: Path) -> list[Path]:
         rows = csv.writer(stream, lineterminator="\n")
         rows.writerow(LIMB_COLUMNS)
         rows.writerows((marker, limb, called[limb]) for marker, limb in found)
-    return [path]
 
 
 def _limb(project: Project, limb: int) -> str:
@@ -114,7 +67,7 @@ def _limb(project: Project, limb: int) -> str:
     return f"{project.limbs.names[limb]}: {', '.join(markers)}"
 
 
-def _write(path: Path, lines: Iterable[str]) -> None:
+def _write_lines(path: Path, lines: Iterable[str]) -> None:
     with replacing(path) as temporary:
         temporary.write_text("\n".join(lines) + "\n", encoding="utf-8", errors="replace")
 
@@ -134,7 +87,7 @@ COSTS = Format(
     title=_COSTS_TITLE,
     suffixes=(".costs.txt",),
     holds="summary",
-    write=lambda value, path, options, monitor: write_costs(value, path),
+    write=_write_costs,
     check=lambda value, options: _project(value, _COSTS_TITLE).limbs,
     keeps=("names",),
     note="Standard deviations of all distances between markers, which the grouping into limbs rests on.",
@@ -144,7 +97,7 @@ TREE = Format(
     title=_TREE_TITLE,
     suffixes=(".tree.txt",),
     holds="summary",
-    write=lambda value, path, options, monitor: write_tree(value, path),
+    write=_write_tree,
     check=lambda value, options: _project(value, _TREE_TITLE).topology,
     keeps=("names", "limbs"),
     marks_open="lines with `#`, once the skeleton is fitted",
@@ -155,7 +108,7 @@ LIMBS = Format(
     title=_LIMBS_TITLE,
     suffixes=(".limbs.csv",),
     holds="summary",
-    write=lambda value, path, options, monitor: write_limbs(value, path),
+    write=_write_limbs,
     check=lambda value, options: _project(value, _LIMBS_TITLE).limbs,
     keeps=("names", "limbs"),
     note="One row per marker: its limb (-1 = left out) and what the limb is called; `--names` reads it.",

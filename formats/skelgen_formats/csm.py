@@ -28,20 +28,12 @@ from skelgen.errors import FormatError
 from skelgen.files import replacing
 from skelgen.model import PointCloud, Project, Trajectories
 from skelgen.model.arrays import Floats
-from skelgen.progress import SILENT, Monitor, with_progress
+from skelgen.progress import Monitor, with_progress
+from skelgen_formats import writing
 from skelgen_formats.lines import Lines, Sample, decoded_head, read_lines
 from skelgen_formats.markers import scaled, take_from_markers, uncut, zeros_unseen
 from skelgen_formats.options import AXES, FILLED, POINTS, RATE, UNIT, Format, Option, Options, Writable, per_mm
 from skelgen_formats.text import count_in, first_in, parse_rows, rate_in, stated_in
-from skelgen_formats.writing import (
-    check_markers,
-    check_writable_names,
-    marker_files,
-    markers_to_write,
-    positions_of,
-    trajectories_of,
-    write_table,
-)
 
 _TITLE = "CSM"
 _DROPOUT = "DROPOUT"
@@ -87,46 +79,19 @@ def read_csm(path: Path, sample: Sample | None = None) -> Trajectories | PointCl
     return take_from_markers(path, scaled(path, positions, _MM), names, rate, notices)
 
 
-def write_csm(
-    value: Writable,
-    path: Path,
-    dropout: str = "word",
-    filled: bool = False,
-    unit: str = "mm",
-    monitor: Monitor = SILENT,
-) -> list[Path]:
-    """Write labelled markers as a Character Studio marker file.
-
-    Parameters
-    ----------
-    value : Project, Trajectories or Filled
-        What has labelled markers.
-    path : Path
-        The file.
-    dropout : str
-        ``word`` writes DROPOUT for an unseen marker, ``zero`` three zeros.
-    filled : bool
-        Write filled positions as well, and the table that says which they are.
-    unit : str
-        Unit of the lengths, which the file does not say: ``mm``, ``cm`` or ``m``.
-    monitor : Monitor
-        Shows progress; may cancel.
-
-    Raises
-    ------
-    WriteError
-        If the value has no labelled markers, or two names become equal when blanks become underscores.
-    """
-    markers = markers_to_write(value, _TITLE, filled, monitor)
-    take = positions_of(markers)
-    names = check_writable_names(path, take.names, "", _clean)
-    gap = _DROPOUT if dropout == "word" else "0 0 0"
+def _write(value: Writable, path: Path, options: Options, monitor: Monitor) -> None:
+    """Write labelled markers as a Character Studio marker file."""
+    markers = writing.markers_to_write(value, _TITLE, options.filled, monitor)
+    take = writing.positions_of(markers)
+    names = writing.check_writable_names(path, take.names, "", _clean)
+    gap = _DROPOUT if options.dropout == "word" else "0 0 0"
     with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as stream:
-        stream.write(_header_text(take, names, unit))
-        for number, row in enumerate(with_progress(take.positions * per_mm(unit), take.n_frames, monitor), start=1):
+        stream.write(_header_text(take, names, options.unit))
+        frames = with_progress(take.positions * per_mm(options.unit), take.n_frames, monitor)
+        for number, row in enumerate(frames, start=1):
             words = (gap if math.isnan(x) else f"{x!r} {y!r} {z!r}" for x, y, z in row.tolist())
             stream.write(f"{number}  " + "  ".join(words) + "\n")
-    return [path, *write_table(markers, path)]
+    writing.write_table(markers, path)
 
 
 def _clean(name: str) -> str:
@@ -196,7 +161,7 @@ def _sniff(head: bytes, path: Path) -> bool:
 
 
 def _remarks(project: Project, options: Options) -> tuple[str, ...]:
-    names = trajectories_of(project, _TITLE).names
+    names = writing.trajectories_of(project, _TITLE).names
     blanks = [name for name in names if name != _clean(name)]
     without_unit = f"The file does not say its unit: lengths are in {options.unit}."
     if not blanks:
@@ -213,11 +178,9 @@ FORMAT = Format(
     holds="markers",
     sniff=_sniff,
     read=lambda path, options: read_csm(path, options.sample),
-    write=lambda value, path, options, monitor: write_csm(
-        value, path, options.dropout, options.filled, options.unit, monitor
-    ),
-    check=lambda value, options: check_markers(value, _TITLE, options.filled),
-    files=lambda path, options: marker_files(path, options.filled),
+    write=_write,
+    check=lambda value, options: writing.check_markers(value, _TITLE, options.filled),
+    files=lambda path, options: writing.marker_files(path, options.filled),
     keeps=("markers", "names"),
     remarks=_remarks,
     options=(DROPOUT, POINTS, AXES, UNIT, RATE, FILLED),

@@ -24,23 +24,8 @@ from skelgen.files import replacing
 from skelgen.geometry.rotations import transform_from
 from skelgen.model import Project, Skeleton
 from skelgen.model.arrays import Floats
-from skelgen.progress import SILENT, Monitor, with_progress
-from skelgen_formats.bones import (
-    COLON,
-    along_bones,
-    bone_end,
-    bone_facts,
-    bone_names,
-    bone_transforms,
-    check_single_precision,
-    end_names,
-    free_limbs,
-    limb_from_bone,
-    lost_in_animations,
-    scaled_poses,
-    turned_bones,
-    xyzw_from_matrix,
-)
+from skelgen.progress import Monitor, with_progress
+from skelgen_formats import bones
 from skelgen_formats.options import BONE_NAMES, METRES, RATE, REST, Format, Options, Writable, moving_project, per_mm
 from skelgen_formats.writing import UPRIGHT, place_remark, remark_on_up
 
@@ -57,32 +42,12 @@ _POINTS = 0
 _SKELETON_NODE = 0
 
 
-def write_gltf(value: Writable, path: Path, unit: str = "m", monitor: Monitor = SILENT) -> list[Path]:
-    """Write skeleton, motion and markers of a finished project.
-
-    Parameters
-    ----------
-    value : Project
-        Finished.
-    path : Path
-        The file.
-    unit : str
-        Of the lengths in the file: ``mm``, ``cm`` or ``m``.
-    monitor : Monitor
-        Shows progress; may cancel.
-
-    Raises
-    ------
-    WriteError
-        If the value is no project or has no frames, a number is beyond single precision, or the file would be too
-        large or cannot be written.
-    MissingResultError
-        If the project has no skeleton yet.
-    """
+def _write(value: Writable, path: Path, options: Options, monitor: Monitor) -> None:
+    """Write skeleton, motion and markers of a finished project."""
     project = moving_project(value, _TITLE)
-    check_single_precision(project, _TITLE)
+    bones.check_single_precision(project, _TITLE)
     data = _Data()
-    document = _document(project, per_mm(unit), data, monitor)
+    document = _document(project, per_mm(options.unit), data, monitor)
     document |= {"bufferViews": data.views, "accessors": data.accessors, "buffers": [{"byteLength": len(data.content)}]}
     text = json.dumps(document, separators=(",", ":"), allow_nan=False).encode()
     chunks = _chunk(_JSON_CHUNK, text, b" ") + _chunk(_BINARY_CHUNK, bytes(data.content), b"\0")
@@ -91,7 +56,6 @@ def write_gltf(value: Writable, path: Path, unit: str = "m", monitor: Monitor = 
         raise WriteError(f"{path}: a glTF file holds at most 4 GB; choose a lower frame rate")
     with replacing(path) as temporary:
         temporary.write_bytes(_MAGIC + struct.pack("<II", _VERSION, length) + chunks)
-    return [path]
 
 
 def _chunk(kind: bytes, content: bytes, padding: bytes) -> bytes:
@@ -124,19 +88,19 @@ class _Data:
 
 
 def _document(project: Project, scale: float, data: _Data, monitor: Monitor) -> dict[str, object]:
-    skeleton, turns = project.skeleton, limb_from_bone(project.skeleton)
+    skeleton, turns = project.skeleton, bones.limb_from_bone(project.skeleton)
     ends = [limb for limb in range(skeleton.n_limbs) if not (skeleton.parents == limb).any()]
-    rest = turned_bones(scaled_poses(skeleton.reference_pose, scale), turns)
+    rest = bones.turned_bones(bones.scaled_poses(skeleton.reference_pose, scale), turns)
     nodes: list[dict[str, object]] = [
         {"name": "skeleton", "children": [_node(root) for root in skeleton.roots.tolist()]}
     ]
     nodes += _bones(skeleton, rest, turns, ends)
-    lengths = [float(np.linalg.norm(bone_end(skeleton, limb))) * scale for limb in ends]
-    names = end_names(skeleton, COLON)
+    lengths = [float(np.linalg.norm(bones.bone_end(skeleton, limb))) * scale for limb in ends]
+    names = bones.end_names(skeleton, bones.COLON)
     nodes += [{"name": names[one], "translation": [0.0, way, 0.0]} for one, way in zip(ends, lengths, strict=True)]
     shown = [_SKELETON_NODE]
     document: dict[str, object] = {"asset": {"version": "2.0", "generator": "skelgen"}, "scene": 0, "nodes": nodes}
-    posed = np.concatenate([rest, rest[ends] @ along_bones(lengths)])
+    posed = np.concatenate([rest, rest[ends] @ bones.along_bones(lengths)])
     back = posed[..., :3, :3].swapaxes(-1, -2)
     matrices = data.add(transform_from(back, -(back @ posed[..., :3, 3, np.newaxis])[..., 0]).swapaxes(-1, -2))
     joints = [_node(index) for index in range(len(posed))]
@@ -156,11 +120,11 @@ def _node(limb: int) -> int:
 
 def _bones(skeleton: Skeleton, rest: Floats, turns: Floats, ends: Sequence[int]) -> Iterator[dict[str, object]]:
     """Yield the nodes of the limbs; those of `ends` carry a node that stands behind all limbs, in that order."""
-    facts, names = bone_facts(skeleton, turns), bone_names(skeleton, COLON)
+    facts, names = bones.bone_facts(skeleton, turns), bones.bone_names(skeleton, bones.COLON)
     for limb in range(skeleton.n_limbs):
-        translation, rotation = bone_transforms(rest, int(skeleton.parents[limb]), limb)
+        translation, rotation = bones.bone_transforms(rest, int(skeleton.parents[limb]), limb)
         node: dict[str, object] = {"name": names[limb], "translation": translation.tolist()}
-        node["rotation"] = xyzw_from_matrix(rotation).tolist()
+        node["rotation"] = bones.xyzw_from_matrix(rotation).tolist()
         children = [_node(int(child)) for child in np.flatnonzero(skeleton.parents == limb)]
         node["children"] = children or [_node(skeleton.n_limbs + ends.index(limb))]
         stated: dict[str, object] = {"limb": skeleton.limb_names[limb]}
@@ -181,13 +145,13 @@ def _markers(project: Project, scale: float, data: _Data) -> dict[str, object]:
     carried = np.flatnonzero(skeleton.limb_of_marker >= 0)
     limbs = skeleton.limb_of_marker[carried]
     offsets = skeleton.marker_offsets[carried] * scale
-    rest = scaled_poses(skeleton.reference_pose, scale)
+    rest = bones.scaled_poses(skeleton.reference_pose, scale)
     places = (rest[limbs, :3, :3] @ offsets[..., np.newaxis])[..., 0] + rest[limbs, :3, 3]
-    bones, weights = np.zeros((len(carried), 4), dtype=np.intp), np.zeros((len(carried), 4))
-    bones[:, 0], weights[:, 0] = limbs, 1.0
+    ridden, weights = np.zeros((len(carried), 4), dtype=np.intp), np.zeros((len(carried), 4))
+    ridden[:, 0], weights[:, 0] = limbs, 1.0
     attributes = {
         "POSITION": data.add(places, vertices=True, bounds=True),
-        "JOINTS_0": data.add(bones, vertices=True),
+        "JOINTS_0": data.add(ridden, vertices=True),
         "WEIGHTS_0": data.add(weights, vertices=True),
     }
     names = [project.trajectories.names[marker] for marker in carried.tolist()]
@@ -196,9 +160,9 @@ def _markers(project: Project, scale: float, data: _Data) -> dict[str, object]:
 
 
 def _animation(project: Project, scale: float, turns: Floats, data: _Data, monitor: Monitor) -> dict[str, object]:
-    skeleton, poses = project.skeleton, turned_bones(project.motion.world_from_limb, turns)
+    skeleton, poses = project.skeleton, bones.turned_bones(project.motion.world_from_limb, turns)
     keys = data.add(project.motion.times, bounds=True)
-    free = free_limbs(skeleton, poses)
+    free = bones.free_limbs(skeleton, poses)
     samplers: list[dict[str, object]] = []
     channels: list[dict[str, object]] = []
 
@@ -208,11 +172,11 @@ def _animation(project: Project, scale: float, turns: Floats, data: _Data, monit
 
     for limb in with_progress(skeleton.outward.tolist(), skeleton.n_limbs, monitor, every=1):
         parent = int(skeleton.parents[limb])
-        translation, rotation = bone_transforms(poses, parent, limb)
+        translation, rotation = bones.bone_transforms(poses, parent, limb)
         if limb in free:
             move(limb, "translation", translation * scale)
         # of the two signs of a quaternion, the one nearer to the frame before
-        quaternions = xyzw_from_matrix(rotation)
+        quaternions = bones.xyzw_from_matrix(rotation)
         flips = np.where((quaternions[1:] * quaternions[:-1]).sum(axis=-1) < 0, -1.0, 1.0)
         move(limb, "rotation", quaternions * np.cumprod(np.concatenate([[1.0], flips]))[:, np.newaxis])
     return {"name": "motion", "samplers": samplers, "channels": channels}
@@ -223,7 +187,7 @@ def _remarks(project: Project, options: Options) -> tuple[str, ...]:
     if options.unit != METRES.default:
         remarks.append(f"glTF demands metres: other programs will take the {options.unit} in the file for metres.")
     riding = "Markers ride on their limbs, where the skeleton has them; measured positions and gaps are not held."
-    return (*remarks, riding, *lost_in_animations(project, _TITLE))
+    return (*remarks, riding, *bones.lost_in_animations(project, _TITLE))
 
 
 FORMAT = Format(
@@ -232,7 +196,7 @@ FORMAT = Format(
     suffixes=(".glb",),
     holds="skeleton",
     up=_UP,
-    write=lambda value, path, options, monitor: write_gltf(value, path, options.unit, monitor),
+    write=_write,
     check=lambda value, options: moving_project(value, _TITLE),
     keeps=("names", "limbs", "joints", "kinds", "uncertainty", "motion"),
     marks_open="`extras` of the nodes: `determined`, `fully_determined`, `place`",

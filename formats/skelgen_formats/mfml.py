@@ -11,7 +11,7 @@ from skelgen.model import PointCloud, Poses, Project, Trajectories
 from skelgen.model.arrays import Floats, Ints
 from skelgen.model.filled import Filled
 from skelgen.model.rates import rate_of
-from skelgen.progress import SILENT, Monitor, with_progress
+from skelgen.progress import Monitor, with_progress
 from skelgen_formats.lines import Sample
 from skelgen_formats.markers import FARTHEST, cloud_from_markers
 from skelgen_formats.mfml_stream import (
@@ -26,7 +26,7 @@ from skelgen_formats.mfml_stream import (
     iterate_mfml,
     write_frames,
 )
-from skelgen_formats.options import Format, Option, Writable
+from skelgen_formats.options import Format, Option, Options, Writable
 
 _HEADER_ROW = [("start", np.intp), ("count", np.intp), ("stamp", np.uint64)]
 _EXACT_INTEGERS = 2**53  # up to here float64 holds every whole number, as the attribute `id` must
@@ -34,7 +34,7 @@ _PLAUSIBLE_MARKERS = 10_000  # a frame of a real capture has fewer; only for sni
 _U32 = 2**32
 _REMARK = "The recording is written as it was read: labels that were found or repaired are not in it."
 
-__all__ = ["FORMAT", "iterate_mfml", "read_mfml", "write_frames", "write_mfml"]
+__all__ = ["FORMAT", "iterate_mfml", "read_mfml", "write_frames"]
 
 
 def read_mfml(
@@ -90,38 +90,15 @@ def read_mfml(
     return PointCloud(markers["center"], starts, times, attributes, path.name, tuple(notices))
 
 
-def write_mfml(
-    value: Writable, path: Path, id_width: str = "auto", timestamp_unit: str = "us", monitor: Monitor = SILENT
-) -> list[Path]:
-    """Write points as a tracker recording; labelled markers lose their labels.
-
-    Parameters
-    ----------
-    value : Project, PointCloud or Trajectories
-        Of a project, its take. Points without the attributes ``reprojection_error``, ``n_blobs`` or ``id`` get 0, 0
-        and their running number.
-    path : Path
-        The file.
-    id_width : str
-        Bytes of a unique id; ``auto`` means 8.
-    timestamp_unit : str
-        Unit in which time stamps are written.
-    monitor : Monitor
-        Shows progress; may cancel.
-
-    Raises
-    ------
-    WriteError
-        If the value has no points, or a time or id does not fit.
-    """
+def _write(value: Writable, path: Path, options: Options, monitor: Monitor) -> None:
+    """Write points as a tracker recording; labelled markers lose their labels."""
     take = _take_of(value)
     cloud = take if isinstance(take, PointCloud) else cloud_from_markers(take.positions, take.rate, take.name)
-    width = 8 if id_width == "auto" else int(id_width)
+    width = 8 if options.id_width == "auto" else int(options.id_width)
     markers = _markers_of(path, cloud, width)
     spans = itertools.pairwise(cloud.frame_starts.tolist())
     frames = ((time, markers[start:end]) for time, (start, end) in zip(cloud.times.tolist(), spans, strict=True))
-    write_frames(path, with_progress(frames, cloud.n_frames, monitor), str(width), timestamp_unit)
-    return [path]
+    write_frames(path, with_progress(frames, cloud.n_frames, monitor), str(width), options.timestamp_unit)
 
 
 def _all_markers(view: mmap.mmap, width: int, starts: Ints) -> Markers:
@@ -203,9 +180,7 @@ FORMAT = Format(
     holds="points",
     sniff=lambda head, path: any(_looks_right(head, width) for width in MARKER_DTYPES),
     read=lambda path, options: read_mfml(path, options.id_width, options.timestamp_unit, options.sample),
-    write=lambda value, path, options, monitor: write_mfml(
-        value, path, options.id_width, options.timestamp_unit, monitor
-    ),
+    write=_write,
     check=lambda value, options: _take_of(value),
     keeps=("points", "markers"),
     remarks=lambda project, options: (_REMARK,),

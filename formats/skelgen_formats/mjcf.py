@@ -16,7 +16,7 @@ from skelgen.files import arriving_together
 from skelgen.geometry.rotations import quaternion_from_matrix, vector_from_matrix
 from skelgen.model import Project
 from skelgen.model.arrays import Bools, Floats, displayable
-from skelgen.progress import SILENT, Monitor
+from skelgen.progress import Monitor
 from skelgen_formats.articulated import (
     ANGLE_MARGIN,
     DENSITY,
@@ -33,7 +33,7 @@ from skelgen_formats.articulated import (
 )
 from skelgen_formats.bones import plain_names
 from skelgen_formats.motion_csv import MARKS_OPEN, with_marks, write_motion
-from skelgen_formats.options import AS_MOVED, JOINTS, RATE, Format, Options, Writable, files_beside, moving_project
+from skelgen_formats.options import JOINTS, RATE, Format, Options, Writable, files_beside, moving_project
 from skelgen_formats.writing import UPRIGHTABLE, gravity, remark_on_up, turned_up
 from skelgen_formats.xml_text import number_text, write_tree
 
@@ -43,54 +43,23 @@ _TITLE, _UP = "MJCF", "z"
 _BONE_RADIUS_M, _SITE_RADIUS_M = "0.01", "0.005"
 
 
-def write_mjcf(
-    value: Writable,
-    path: Path,
-    joints: str = AS_MOVED,
-    density: float = 1000.0,
-    up: str = "",
-    monitor: Monitor = SILENT,
-) -> list[Path]:
-    """Write the model, and a table with the coordinates of every frame.
-
-    Parameters
-    ----------
-    value : Project
-        Finished.
-    path : Path
-        The model; its motion stands beside it.
-    joints : str
-        `AS_MOVED` or `AS_FOUND`.
-    density : float, kg/m^3
-        Of the limbs.
-    up : str
-        The axis that points up, against gravity; what is found if left out.
-    monitor : Monitor
-        Shows progress; may cancel.
-
-    Raises
-    ------
-    WriteError
-        If the value is no project or has no frames, or a file cannot be written.
-    MissingResultError
-        If the project has no skeleton yet.
-    """
+def _write(value: Writable, path: Path, options: Options, monitor: Monitor) -> None:
+    """Write the model, and a table with the coordinates of every frame."""
     project = moving_project(value, _TITLE)
-    links = {link.name: link for link in links_of(project, joints)}
+    links = {link.name: link for link in links_of(project, options.joints)}
     with arriving_together(path.parent) as folder:
         model, motion = files_beside(folder / path.name, MODEL_SUFFIX, MOTION_SUFFIX)
         document = Element("mujoco", model=displayable(model.name.removesuffix(MODEL_SUFFIX)))
         add_choices(document, project)
         SubElement(document, "compiler", angle="radian")
-        SubElement(document, "option", gravity=number_text(gravity(project, up, _UP)))
-        order = [links[name] for name in _add_bodies(document, project, links, density)]
+        SubElement(document, "option", gravity=number_text(gravity(project, turned_up(options.axes), _UP)))
+        order = [links[name] for name in _add_bodies(document, project, links, options.density)]
         qpos = np.concatenate([_coordinates(link) for link in order], axis=1)
         SubElement(SubElement(document, "keyframe"), "key", name="start", qpos=number_text(qpos[0]))
         write_tree(model, document)
         columns, names = [name for link in order for name in _columns(link)], plain_names(project.skeleton.joint_names)
         columns, marked = with_marks(columns, [qpos], project.skeleton, names)
         write_motion(motion, columns, project.motion.times, marked)
-    return list(files_beside(path, MODEL_SUFFIX, MOTION_SUFFIX))
 
 
 def _add_bodies(document: Element, project: Project, links: Mapping[str, Link], density: float) -> list[str]:
@@ -148,10 +117,6 @@ def _coordinates(link: Link) -> Floats:
     if link.kind == "ball":
         return quaternions
     return np.concatenate([link.translations * M_PER_MM, quaternions], axis=1)
-
-
-def _write(value: Writable, path: Path, options: Options, monitor: Monitor) -> list[Path]:
-    return write_mjcf(value, path, options.joints, options.density, turned_up(options.axes), monitor)
 
 
 def _remarks(project: Project, options: Options) -> tuple[str, ...]:

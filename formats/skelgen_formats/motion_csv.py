@@ -20,7 +20,7 @@ from skelgen.files import replacing
 from skelgen.model import Project, Skeleton
 from skelgen.model.arrays import Floats
 from skelgen.progress import SILENT, Monitor, with_progress
-from skelgen_formats.options import AXES, MM_PER_UNIT, RATE, UNIT, Format, Writable, finished_project, per_mm
+from skelgen_formats.options import AXES, MM_PER_UNIT, RATE, UNIT, Format, Options, Writable, finished_project, per_mm
 
 _JOINTS_TITLE, _ANGLES_TITLE = "Joint positions, CSV", "Joint angles, CSV"
 _DECIMALS = 6  # of mm and of degrees
@@ -32,61 +32,22 @@ MARKS_OPEN = f"columns `<joint>{MARK}`, 1 or 0, the last; left out if the motion
 _CHUNK_FRAMES = 2000  # frames whose numbers are Python objects at one time
 
 
-def write_joints_csv(value: Writable, path: Path, unit: str = "mm", monitor: Monitor = SILENT) -> list[Path]:
-    """Write the joint positions of a finished project and their standard deviations, to a millionth of a millimetre.
-
-    The deviations stand behind all positions, and are left out where none were estimated.
-
-    Parameters
-    ----------
-    value : Project
-        Finished.
-    path : Path
-        The file.
-    unit : str
-        Of the lengths in the file.
-    monitor : Monitor
-        Shows progress; may cancel.
-
-    Raises
-    ------
-    WriteError
-        If the value is no project, or the file cannot be written.
-    MissingResultError
-        If the project has no skeleton yet.
-    """
+def _write_joints(value: Writable, path: Path, options: Options, monitor: Monitor) -> None:
+    """Write the joint positions of a finished project and their standard deviations, to a millionth of a millimetre."""
     project = finished_project(value, _JOINTS_TITLE)
     motion = project.motion
     kinds = [("", motion.joint_positions)] + ([] if motion.joint_std is None else [("_std", motion.joint_std)])
     names = project.skeleton.joint_names
-    header = [f"{name}_{axis}{kind}_{unit}" for kind, _ in kinds for name in names for axis in "xyz"]
+    header = [f"{name}_{axis}{kind}_{options.unit}" for kind, _ in kinds for name in names for axis in "xyz"]
     numbers = np.concatenate([values.reshape(motion.n_frames, 3 * len(names)) for _, values in kinds], axis=1)
-    chunks = (numbers[frames] * per_mm(unit) for frames in _chunks(motion.n_frames))
-    decimals = _DECIMALS + round(math.log10(MM_PER_UNIT[unit]))
+    chunks = (numbers[frames] * per_mm(options.unit) for frames in _chunks(motion.n_frames))
+    decimals = _DECIMALS + round(math.log10(MM_PER_UNIT[options.unit]))
     marked = with_marks(header, chunks, project.skeleton, names)
     write_motion(path, marked[0], motion.times, marked[1], decimals=decimals, monitor=monitor)
-    return [path]
 
 
-def write_angles_csv(value: Writable, path: Path, monitor: Monitor = SILENT) -> list[Path]:
-    """Write the joint angles of a finished project and their standard deviations [deg].
-
-    Parameters
-    ----------
-    value : Project
-        Finished.
-    path : Path
-        The file.
-    monitor : Monitor
-        Shows progress; may cancel.
-
-    Raises
-    ------
-    WriteError
-        If the value is no project, or the file cannot be written.
-    MissingResultError
-        If the project has no skeleton yet.
-    """
+def _write_angles(value: Writable, path: Path, options: Options, monitor: Monitor) -> None:
+    """Write the joint angles of a finished project and their standard deviations [deg]."""
     from skelgen.kinematics.joints.angles import angle_names  # noqa: PLC0415 - scipy is slow to load
 
     project = finished_project(value, _ANGLES_TITLE)
@@ -95,7 +56,6 @@ def write_angles_csv(value: Writable, path: Path, monitor: Monitor = SILENT) -> 
         header += [f"{name}_{angle}{what}_deg" for angle in angle_names(joint) for what in ("", "_std")]
     header, chunks = with_marks(header, _angles(project), project.skeleton, project.skeleton.joint_names)
     write_motion(path, header, project.motion.times, chunks, _DECIMALS, monitor)
-    return [path]
 
 
 def with_marks(
@@ -208,7 +168,7 @@ JOINTS_CSV = Format(
     title=_JOINTS_TITLE,
     suffixes=(".joints.csv", ".csv"),
     holds="joints",
-    write=lambda value, path, options, monitor: write_joints_csv(value, path, options.unit, monitor),
+    write=_write_joints,
     check=lambda value, options: finished_project(value, _JOINTS_TITLE),
     keeps=("joints",),
     marks_open=MARKS_OPEN,
@@ -220,7 +180,7 @@ ANGLES_CSV = Format(
     title=_ANGLES_TITLE,
     suffixes=(".angles.csv",),
     holds="joints",
-    write=lambda value, path, options, monitor: write_angles_csv(value, path, monitor),
+    write=_write_angles,
     check=lambda value, options: finished_project(value, _ANGLES_TITLE),
     keeps=("angles",),
     marks_open=MARKS_OPEN,

@@ -19,22 +19,10 @@ from skelgen.geometry.rotations import euler_angles
 from skelgen.model import Project
 from skelgen.model.arrays import Floats
 from skelgen.progress import SILENT, Monitor, with_progress
-from skelgen_formats.articulated import (
-    ANGLE_MARGIN,
-    DENSITY,
-    M_PER_MM,
-    PLACE_MARGIN,
-    Link,
-    add_choices,
-    capsule_of,
-    links_of,
-    markers_on,
-    range_of,
-    remarks_on_joints,
-    rotation_of_z_to,
-)
+from skelgen_formats import articulated
+from skelgen_formats.articulated import M_PER_MM, Link
 from skelgen_formats.bones import plain_names
-from skelgen_formats.options import AS_MOVED, JOINTS, RATE, Format, Options, Writable, files_beside, moving_project
+from skelgen_formats.options import JOINTS, RATE, Format, Options, Writable, files_beside, moving_project
 from skelgen_formats.trc import write_trc
 from skelgen_formats.writing import UPRIGHTABLE, choices_in, gravity, remark_on_up, turned_up
 from skelgen_formats.xml_text import number_text, write_tree
@@ -54,56 +42,26 @@ _JOINT_TYPES = {
 }
 
 
-def write_opensim(
-    value: Writable,
-    path: Path,
-    joints: str = AS_MOVED,
-    density: float = 1000.0,
-    up: str = "",
-    monitor: Monitor = SILENT,
-) -> list[Path]:
-    """Write model, motion, markers and setup beside each other, whichever of the first two `path` names.
-
-    Parameters
-    ----------
-    value : Project
-        Finished.
-    path : Path
-        The model or its motion; the other files stand beside it.
-    joints : str
-        `AS_MOVED` or `AS_FOUND`.
-    density : float, kg/m^3
-        Of the limbs.
-    up : str
-        The axis that points up, against gravity; what is found if left out.
-    monitor : Monitor
-        Shows progress; may cancel.
-
-    Raises
-    ------
-    WriteError
-        If the value is no project or has no frames, or a file cannot be written.
-    MissingResultError
-        If the project has no skeleton yet.
-    """
+def _write(value: Writable, path: Path, options: Options, monitor: Monitor) -> None:
+    """Write model, motion, markers and setup beside each other, whichever of the first two `path` names."""
     project = moving_project(value, _TITLE)
-    links = links_of(project, joints)
+    links = articulated.links_of(project, options.joints)
     named = replace(project.trajectories, names=plain_names(project.trajectories.names))
     with arriving_together(path.parent) as folder:
         model, motion, markers, setup = files = files_beside(folder / path.name, *SUFFIXES)
-        document = _document(replace(project, _trajectories=named), links, density, gravity(project, up, _UP))
+        falling = gravity(project, turned_up(options.axes), _UP)
+        document = _document(replace(project, _trajectories=named), links, options.density, falling)
         document[0].set("name", plain_names([path.stem])[0])
         write_tree(model, document)
         write_tree(setup, _setup(project, named.names, files))
         with motion.open("w", encoding="ascii", errors="replace", newline="\n") as stream:
             stream.writelines(_motion(project, links, plain_names([path.stem])[0], monitor))
-        write_trc(named, markers)
-    return list(files_beside(path, *SUFFIXES))
+        write_trc(named, markers, Options(), SILENT)
 
 
 def _document(project: Project, links: Sequence[Link], density: float, gravity_vector: Floats) -> Element:
     document = Element("OpenSimDocument", Version=_VERSION)
-    add_choices(document, project)
+    articulated.add_choices(document, project)
     model = SubElement(document, "Model")
     _add(model, "gravity", number_text(gravity_vector))
     _add(model, "length_units", "meters")
@@ -111,13 +69,13 @@ def _document(project: Project, links: Sequence[Link], density: float, gravity_v
     bodies, joints, markers = (_objects(model, which) for which in ("BodySet", "JointSet", "MarkerSet"))
     for link in links:
         body = SubElement(bodies, "Body", name=link.name)
-        capsule = capsule_of(project.skeleton, link.limb, density)
+        capsule = articulated.capsule_of(project.skeleton, link.limb, density)
         inertia = capsule.inertia()
         _add(body, "mass", repr(capsule.mass))
         _add(body, "mass_center", number_text(capsule.centre))
         _add(body, "inertia", number_text([*np.diag(inertia), inertia[0, 1], inertia[0, 2], inertia[1, 2]]))
         _add_joint(joints, link)
-        for marker, place in markers_on(project, link.limb):
+        for marker, place in articulated.markers_on(project, link.limb):
             element = SubElement(markers, "Marker", name=project.trajectories.names[marker])
             _add(element, "socket_parent_frame", f"/bodyset/{link.name}")
             _add(element, "location", number_text(place * M_PER_MM))
@@ -135,17 +93,19 @@ def _add_joint(joints: Element, link: Link) -> None:
     _add(element, "socket_parent_frame", frames[0])
     _add(element, "socket_child_frame", frames[1])
     coordinates = SubElement(element, "coordinates")
-    moved = [*((0.0, angles, ANGLE_MARGIN) for angles in link.angles.T)]
+    moved = [*((0.0, angles, articulated.ANGLE_MARGIN) for angles in link.angles.T)]
     if link.kind == "free":
         places = zip((link.place * M_PER_MM).tolist(), (link.translations * M_PER_MM).T, strict=True)
-        moved += [(rest, values, PLACE_MARGIN) for rest, values in places]
+        moved += [(rest, values, articulated.PLACE_MARGIN) for rest, values in places]
     for name, (rest, values, margin) in zip(_coordinate_names(link), moved, strict=True):
         coordinate = SubElement(coordinates, "Coordinate", name=name)
         _add(coordinate, "default_value", repr(rest))
-        _add(coordinate, "range", number_text(range_of(values, rest, margin)))
+        _add(coordinate, "range", number_text(articulated.range_of(values, rest, margin)))
     owned = SubElement(element, "frames")
     orientation = (
-        euler_angles("XYZ", rotation_of_z_to(link.axes[0])[np.newaxis])[0] if link.kind == "hinge" else np.zeros(3)
+        euler_angles("XYZ", articulated.rotation_of_z_to(link.axes[0])[np.newaxis])[0]
+        if link.kind == "hinge"
+        else np.zeros(3)
     )
     place = np.zeros(3) if link.kind == "free" else link.place
     _add_frame(owned, frames[0], f"/bodyset/{link.parent_name}" if link.parent >= 0 else "/ground", place, orientation)
@@ -225,10 +185,6 @@ def _add(parent: Element, name: str, text: str) -> None:
     SubElement(parent, name).text = text
 
 
-def _write(value: Writable, path: Path, options: Options, monitor: Monitor) -> list[Path]:
-    return write_opensim(value, path, options.joints, options.density, turned_up(options.axes), monitor)
-
-
 def _remarks(project: Project, options: Options) -> tuple[str, ...]:
     own = [
         f"Masses and inertias are those of capsules of {options.density:g} kg/m³, ranges those of this motion with a"
@@ -238,7 +194,7 @@ def _remarks(project: Project, options: Options) -> tuple[str, ...]:
     names = project.trajectories.names
     if plain_names(names) != names:
         own.append("Characters of marker names that OpenSim does not take become _.")
-    return (*own, *remarks_on_joints(project, options, by_three_angles=True))
+    return (*own, *articulated.remarks_on_joints(project, options, by_three_angles=True))
 
 
 FORMAT = Format(
@@ -253,6 +209,6 @@ FORMAT = Format(
     keeps=("markers", "names", "limbs", "joints", "angles", "kinds", "motion"),
     marks_open="comments of the model, header of the motion",
     remarks=_remarks,
-    options=(UPRIGHTABLE, RATE, JOINTS, DENSITY),
+    options=(UPRIGHTABLE, RATE, JOINTS, articulated.DENSITY),
     note="Four files are written: .osim, .mot, .trc, and .ik.xml for inverse kinematics; m and degrees, markers in mm.",
 )

@@ -355,8 +355,8 @@ class Format:
         Whether the first `registry.SNIFF_BYTES` bytes look like this format; must not read the file.
     read : callable (path, options) -> Take, or None
         Reader.
-    write : callable (value, path, options, monitor) -> list of Path, or None
-        Writer. Writes atomically and returns the files written.
+    write : callable (value, path, options, monitor), or None
+        Writer of all `files`, which appear whole or not at all.
     check : callable (value, options)
         Raises `WriteError` or `MissingResultError` if the writer cannot take the value. Quick.
     files : callable (path, options) -> tuple of Path
@@ -387,7 +387,7 @@ class Format:
     holds: str
     sniff: Callable[[bytes, Path], bool] = lambda head, path: False
     read: Callable[[Path, Options], Take] | None = None
-    write: Callable[[Writable, Path, Options, Monitor], list[Path]] | None = None
+    write: Callable[[Writable, Path, Options, Monitor], None] | None = None
     options: tuple[Option, ...] = ()
     note: str = ""
     check: Callable[[Writable, Options], object] = lambda value, options: None

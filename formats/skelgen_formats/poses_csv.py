@@ -29,7 +29,7 @@ from skelgen.errors import FormatError, WriteError
 from skelgen.files import replacing
 from skelgen.geometry.rotations import quaternion_from_matrix
 from skelgen.model import Poses, Project
-from skelgen.progress import SILENT, Monitor, with_progress
+from skelgen.progress import Monitor, with_progress
 from skelgen_formats.bodies import take_from_bodies
 from skelgen_formats.bones import never_seen_remarks
 from skelgen_formats.lines import Sample, decoded_head, read_lines
@@ -82,42 +82,24 @@ def read_poses(path: Path, fixed_distance: float = 0.0, sample: Sample | None = 
     return scaled_by_fixed_sensors(take, fixed_distance)
 
 
-def write_poses(value: Writable, path: Path, unit: str = "mm", monitor: Monitor = SILENT) -> list[Path]:
-    """Write bodies with orientation; quaternions with scalar first.
-
-    Parameters
-    ----------
-    value : Project or Poses
-        Bodies with orientation, or a project with a skeleton, whose limbs they are.
-    path : Path
-        The file.
-    unit : str
-        Of the lengths in the file: ``mm``, ``cm`` or ``m``.
-    monitor : Monitor
-        Shows progress; may cancel.
-
-    Raises
-    ------
-    WriteError
-        If the value has no bodies with orientation, or a name holds a line end.
-    """
+def _write(value: Writable, path: Path, options: Options, monitor: Monitor) -> None:
+    """Write bodies with orientation; quaternions with scalar first."""
     take = _poses_of(value)
     names = check_writable_names(path, take.names, "")
     numbers = np.full((*take.world_from_body.shape[:2], len(_COLUMNS)), np.nan)
     seen = ~np.isnan(take.world_from_body[:, :, 0, 0])
     rotations = quaternion_from_matrix(take.world_from_body[seen, :3, :3])
     numbers[seen] = np.concatenate([take.world_from_body[seen, :3, 3], rotations], axis=1)
-    numbers = numbers * ([per_mm(unit)] * 3 + [1.0] * 4)
+    numbers = numbers * ([per_mm(options.unit)] * 3 + [1.0] * 4)
     marks = _marks(value)
     with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as stream:
         titles = ["frame", "time", *(f"{defused(name)}.{column}" for name in names for column in _COLUMNS)]
         titles += [f"{defused(name)}{_MARK}" for name in marks]
-        header = ((_MAGIC, _VERSION), ("rate", repr(take.rate), "Hz"), ("unit", unit), titles)
+        header = ((_MAGIC, _VERSION), ("rate", repr(take.rate), "Hz"), ("unit", options.unit), titles)
         csv.writer(stream, lineterminator="\n").writerows(header)
         for frame, row in enumerate(with_progress(numbers.reshape(take.n_frames, -1), take.n_frames, monitor)):
             cells = ["" if x != x else repr(x) for x in row.tolist()]  # noqa: PLR0124 - NaN differs from itself
             stream.write(",".join([str(frame), repr(frame / take.rate), *cells, *marks.values()]) + "\n")
-    return [path]
 
 
 def _marks(value: Writable) -> dict[str, str]:
@@ -186,7 +168,7 @@ FORMAT = Format(
     holds="poses",
     sniff=lambda head, path: decoded_head(head).startswith(_MAGIC),
     read=lambda path, options: read_poses(path, options.fixed_distance, options.sample),
-    write=lambda value, path, options, monitor: write_poses(value, path, options.unit, monitor),
+    write=_write,
     check=lambda value, options: _poses_of(value),
     keeps=("bodies", "motion"),
     marks_open="columns `<limb>.determined` of the joints above the limbs, 1 or 0, the last; left out if all are 1",

@@ -168,7 +168,7 @@ class C3dRecorder(Recorder):
 
     def _finish(self, stream: BinaryIO) -> None:
         if self.n_frames and self._points is not None:
-            self._points.settle(self._measured_rate())
+            self._points.complete_header(self._measured_rate())
         stream.flush()
 
     def _measured_rate(self) -> float:

@@ -248,7 +248,8 @@ def write_as(entry: Format, value: Writable, path: Path, options: Options, monit
     monitor.begin(f"writing {path.name}")
     value = with_bone_names(with_rest_pose(value, options.rest), options.bone_names)
     options = replace(options, axes=turn_wished(value, options, entry.up))
-    return entry.write(with_up_axis(with_rate(value, options.rate), options.axes), path, options, monitor)
+    entry.write(with_up_axis(with_rate(value, options.rate), options.axes), path, options, monitor)
+    return list(entry.files(path, options))
 
 
 def format_for_writing(path: Path, format_name: str | None = None) -> Format:

@@ -20,35 +20,19 @@ from skelgen.model import Limbs, PointCloud, Project, Skeleton
 from skelgen.model.arrays import Floats, Ints
 from skelgen.model.limbs import with_names_of_limbs
 from skelgen.model.questions import questions_on
-from skelgen.progress import SILENT, Monitor
-from skelgen_formats.options import Format, Writable
+from skelgen.progress import Monitor
+from skelgen_formats.options import Format, Options, Writable
 
 SCHEMA = "skelgen-summary-1"
 _PACKAGES = {"skelgen": "skelgen-mocap"} | {name: name for name in ("numpy", "scipy", "scikit-learn", "numba")}
 
 
-def write_summary_json(value: Writable, path: Path, monitor: Monitor = SILENT) -> list[Path]:
-    """Write `summary` of a project, finished or not.
-
-    Parameters
-    ----------
-    value : Project
-        Finished or not.
-    path : Path
-        The file.
-    monitor : Monitor
-        Shows progress; may cancel.
-
-    Raises
-    ------
-    WriteError
-        If the value is no project, or the file cannot be written.
-    """
+def _write(value: Writable, path: Path, options: Options, monitor: Monitor) -> None:
+    """Write `summary` of a project, finished or not."""
     text = json.dumps(summary(_project(value)), indent=2, allow_nan=False)
     monitor.advance(1, 1)  # the last chance to cancel
     with replacing(path) as temporary:
         temporary.write_text(text + "\n", encoding="ascii", newline="\n")
-    return [path]
 
 
 def _project(value: Writable) -> Project:
@@ -259,7 +243,7 @@ FORMAT = Format(
     title="Summary, JSON",
     suffixes=(".summary.json", ".json"),
     holds="summary",
-    write=lambda value, path, options, monitor: write_summary_json(value, path, monitor),
+    write=_write,
     check=lambda value, options: _project(value),
     keeps=("names", "confidence", "limbs", "kinds", "uncertainty"),
     marks_open="`is_determined`, `is_placed_by_marker_set`, `not_determined` of each joint",

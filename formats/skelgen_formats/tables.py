@@ -4,7 +4,7 @@ Every column names its unit: ``frame,time_s,marker,limb,x_mm,...``. Frames count
 same float64 comes back. What is unseen is empty in CSV and null in Parquet.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain
 from pathlib import Path
@@ -19,9 +19,9 @@ from skelgen.geometry.rotations import quaternion_from_matrix
 from skelgen.model import Project
 from skelgen.model.arrays import Ints
 from skelgen.model.tables import axis_columns, head_columns
-from skelgen.progress import SILENT, Monitor, with_progress
+from skelgen.progress import Monitor, with_progress
 from skelgen_formats.motion_csv import write_csv
-from skelgen_formats.options import AXES, RATE, UNIT, Format, Writable, finished_project, per_mm
+from skelgen_formats.options import AXES, RATE, UNIT, Format, Options, Writable, finished_project, per_mm
 from skelgen_formats.text import defused
 
 CSV_SUFFIX, PARQUET_SUFFIX = ".table.csv", ".parquet"
@@ -36,61 +36,25 @@ Rows = Callable[[Project, Ints, str], Columns]
 """Rows of a project for some frames, in a unit of length."""
 
 
-def write_csv_tables(value: Writable, path: Path, unit: str = "mm", monitor: Monitor = SILENT) -> list[Path]:
-    """Write the tables as CSV.
-
-    Parameters
-    ----------
-    value : Project
-        Finished.
-    path : Path
-        Its stem is that of the files.
-    unit : str
-        Of the lengths in the file: ``mm``, ``cm`` or ``m``.
-    monitor : Monitor
-        Shows progress; may cancel.
-
-    Raises
-    ------
-    WriteError
-        If the value is no project, or a file cannot be written.
-    MissingResultError
-        If the project has no skeleton yet.
-    """
-    return _write(value, path, CSV_SUFFIX, unit, monitor, _write_csv)
+def _write_all_csv(value: Writable, path: Path, options: Options, monitor: Monitor) -> None:
+    _write(finished_project(value, "A table"), _files(path, CSV_SUFFIX), options.unit, monitor, _write_csv)
 
 
-def write_parquet_tables(value: Writable, path: Path, unit: str = "mm", monitor: Monitor = SILENT) -> list[Path]:
-    """Write the three tables as Parquet; errors as `write_csv_tables`, and an error without pyarrow.
-
-    Parameters
-    ----------
-    value : Project
-        Finished.
-    path : Path
-        Name that the files' names begin with.
-    unit : str
-        Of lengths.
-    monitor : Monitor
-        Receives progress; may cancel.
-    """
-    _check_parquet(value)
-    return _write(value, path, PARQUET_SUFFIX, unit, monitor, _write_parquet)
+def _write_all_parquet(value: Writable, path: Path, options: Options, monitor: Monitor) -> None:
+    project = _check_parquet(value)
+    _write(project, _files(path, PARQUET_SUFFIX), options.unit, monitor, _write_parquet)
 
 
 def _write(
-    value: Writable,
-    path: Path,
-    suffix: str,
+    project: Project,
+    files: Sequence[Path],
     unit: str,
     monitor: Monitor,
     write: Callable[[Path, Iterator[Columns]], None],
-) -> list[Path]:
-    project = finished_project(value, "A table")
-    with arriving_together(path.parent) as folder:
-        for rows_of, file in zip(TABLES.values(), _files(folder / path.name, suffix), strict=True):
-            write(file, _chunks(project, rows_of, unit, monitor))
-    return list(_files(path, suffix))
+) -> None:
+    with arriving_together(files[0].parent) as folder:
+        for rows_of, file in zip(TABLES.values(), files, strict=True):
+            write(folder / file.name, _chunks(project, rows_of, unit, monitor))
 
 
 def _files(path: Path, suffix: str) -> tuple[Path, ...]:
@@ -192,12 +156,13 @@ def _write_parquet(path: Path, chunks: Iterator[Columns]) -> None:
             writer.write_table(table_of(chunk))
 
 
-def _check_parquet(value: Writable) -> None:
-    finished_project(value, "A table")
+def _check_parquet(value: Writable) -> Project:
+    project = finished_project(value, "A table")
     try:
         import pyarrow  # noqa: F401, PLC0415 - whether it is there
     except ImportError as error:
         raise WriteError("Parquet needs pyarrow: pip install 'skelgen-mocap[tables]'") from error
+    return project
 
 
 TABLES: Mapping[str, Rows] = {"markers": _markers, "joints": _joints, "angles": _angles, "limbs": _limbs}
@@ -214,7 +179,7 @@ CSV = Format(
     title="Long tables, CSV",
     suffixes=(CSV_SUFFIX,),
     holds="skeleton",
-    write=lambda value, path, options, monitor: write_csv_tables(value, path, options.unit, monitor),
+    write=_write_all_csv,
     check=lambda value, options: finished_project(value, "A table"),
     files=lambda path, options: _files(path, CSV_SUFFIX),
     note=_NOTE,
@@ -227,7 +192,7 @@ PARQUET = replace(
     name="table-parquet",
     title="Long tables, Parquet",
     suffixes=(PARQUET_SUFFIX,),
-    write=lambda value, path, options, monitor: write_parquet_tables(value, path, options.unit, monitor),
+    write=_write_all_parquet,
     check=lambda value, options: _check_parquet(value),
     files=lambda path, options: _files(path, PARQUET_SUFFIX),
     note=_NOTE + " Needs the extra `tables`.",

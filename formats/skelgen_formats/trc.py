@@ -34,7 +34,7 @@ from skelgen.errors import FormatError
 from skelgen.files import replacing
 from skelgen.model import PointCloud, Trajectories
 from skelgen.model.arrays import Floats, displayable
-from skelgen.progress import SILENT, Monitor, with_progress
+from skelgen.progress import Monitor, with_progress
 from skelgen_formats.assumed_units import mm_per_recorded_unit
 from skelgen_formats.lines import Lines, Sample, decoded_head, read_lines
 from skelgen_formats.markers import (
@@ -56,6 +56,7 @@ from skelgen_formats.options import (
     RECORDED_UNIT,
     UNIT,
     Format,
+    Options,
     Writable,
     per_mm,
 )
@@ -272,40 +273,38 @@ def _rows(lines: Lines, start: int, table: _Table) -> Iterator[tuple[int, str]]:
         yield number, cells + table.delimiter * missing
 
 
-def write_trc(
-    value: Writable, path: Path, filled: bool = False, unit: str = "mm", monitor: Monitor = SILENT
-) -> list[Path]:
+def write_trc(value: Writable, path: Path, options: Options, monitor: Monitor) -> None:
     """Write labelled markers as TRC; unseen markers are empty cells.
 
     Parameters
     ----------
     value : Project, Trajectories or Filled
-        What has labelled markers.
+        What to write; the positions of `Filled` are written if `options` want filled ones.
     path : Path
         The file.
-    filled : bool
-        Whether filled positions are written too, and the table that says which they are.
-    unit : str
-        Of the lengths in the file: ``mm``, ``cm`` or ``m``.
+    options : Options
+        Of the format.
     monitor : Monitor
         Shows progress; may cancel.
 
     Raises
     ------
     WriteError
-        If the value has no labelled markers, or a name holds a tab or line end.
+        If the value is another one, a name cannot be written, or the file.
+    MissingResultError
+        If a stage has not run whose result is written.
     """
-    markers = markers_to_write(value, _TITLE, filled, monitor)
+    markers = markers_to_write(value, _TITLE, options.filled, monitor)
     take = positions_of(markers)
     names = check_writable_names(path, take.names, "\t", str.strip)
     with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as stream:
-        stream.write(_header_text(path, take, names, unit))
-        frames = zip(take.times.tolist(), take.positions * per_mm(unit), strict=True)
+        stream.write(_header_text(path, take, names, options.unit))
+        frames = zip(take.times.tolist(), take.positions * per_mm(options.unit), strict=True)
         for number, (time, row) in enumerate(with_progress(frames, take.n_frames, monitor), start=1):
             cells = ["" if x != x else repr(x) for x in row.ravel().tolist()]  # noqa: PLR0124 - NaN differs from itself
             cells[-1:] = [cells[-1] or _LAST_UNSEEN] if cells else []
             stream.write(f"{number}\t{time!r}\t" + "\t".join(cells) + "\n")
-    return [path, *write_table(markers, path)]
+    write_table(markers, path)
 
 
 def _header_start(path: Path, lines: Lines) -> int:
@@ -376,7 +375,7 @@ FORMAT = Format(
     holds="markers",
     sniff=_is_trc,
     read=lambda path, options: read_trc(path, options.points, options.sample, options.recorded_unit),
-    write=lambda value, path, options, monitor: write_trc(value, path, options.filled, options.unit, monitor),
+    write=write_trc,
     check=lambda value, options: check_markers(value, _TITLE, options.filled),
     files=lambda path, options: marker_files(path, options.filled),
     keeps=("markers", "names"),

@@ -18,26 +18,12 @@ from skelgen.files import arriving_together
 from skelgen.geometry.rotations import euler_angles
 from skelgen.model import Project
 from skelgen.model.arrays import Floats
-from skelgen.progress import SILENT, Monitor
-from skelgen_formats.articulated import (
-    ANGLE_MARGIN,
-    DENSITY,
-    M_PER_MM,
-    PLACE_MARGIN,
-    Link,
-    add_choices,
-    bones_of,
-    capsule_of,
-    links_of,
-    markers_on,
-    range_of,
-    remarks_on_joints,
-    rotation_of_z_to,
-    turns_fully,
-)
+from skelgen.progress import Monitor
+from skelgen_formats import articulated
+from skelgen_formats.articulated import M_PER_MM, Link
 from skelgen_formats.bones import plain_names
 from skelgen_formats.motion_csv import MARKS_OPEN, with_marks, write_motion
-from skelgen_formats.options import AS_MOVED, JOINTS, RATE, Format, Options, Writable, files_beside, moving_project
+from skelgen_formats.options import JOINTS, RATE, Format, Options, Writable, files_beside, moving_project
 from skelgen_formats.writing import UPRIGHTABLE, remark_on_up
 from skelgen_formats.xml_text import number_text, write_tree
 
@@ -63,63 +49,39 @@ class _Single(NamedTuple):
     @property
     def type(self) -> str:
         """The type that URDF knows it by."""
-        return "continuous" if self.kind == "revolute" and turns_fully(self.values) else self.kind
+        return "continuous" if self.kind == "revolute" and articulated.turns_fully(self.values) else self.kind
 
 
-def write_urdf(
-    value: Writable, path: Path, joints: str = AS_MOVED, density: float = 1000.0, monitor: Monitor = SILENT
-) -> list[Path]:
-    """Write the robot, and a table with the value of each joint in every frame.
-
-    Parameters
-    ----------
-    value : Project
-        Finished.
-    path : Path
-        The robot; its motion stands beside it.
-    joints : str
-        `AS_MOVED` or `AS_FOUND`.
-    density : float, kg/m^3
-        Of the limbs.
-    monitor : Monitor
-        Shows progress; may cancel.
-
-    Raises
-    ------
-    WriteError
-        If the value is no project or has no frames, or a file cannot be written.
-    MissingResultError
-        If the project has no skeleton yet.
-    """
+def _write(value: Writable, path: Path, options: Options, monitor: Monitor) -> None:
+    """Write the robot, and a table with the value of each joint in every frame."""
     project = moving_project(value, _TITLE)
-    links = links_of(project, joints)
+    links = articulated.links_of(project, options.joints)
     singles = [single for link in links for single in _singles(link)]
     columns = [f"{single.name}_{single.unit}" for single in singles]
     with arriving_together(path.parent) as folder:
         model, motion = files_beside(folder / path.name, MODEL_SUFFIX, MOTION_SUFFIX)
-        write_tree(model, _robot(project, links, path.stem, density))
+        write_tree(model, _robot(project, links, path.stem, options.density))
         values = [np.stack([single.values for single in singles], axis=1)]
         names = plain_names(project.skeleton.joint_names)
         columns, marked = with_marks(columns, values, project.skeleton, names)
         write_motion(motion, columns, project.motion.times, marked)
-    return list(files_beside(path, MODEL_SUFFIX, MOTION_SUFFIX))
 
 
 def _robot(project: Project, links: Sequence[Link], name: str, density: float) -> Element:
     robot = Element("robot", name=plain_names([name])[0])
-    add_choices(robot, project)
+    articulated.add_choices(robot, project)
     SubElement(robot, "link", name="world")
     marker_names = plain_names(project.trajectories.names)
     turns = {-1: np.eye(3)} | {link.limb: link.turn for link in links}
     for link in links:
         body = SubElement(robot, "link", name=link.name)
-        capsule = capsule_of(project.skeleton, link.limb, density)
+        capsule = articulated.capsule_of(project.skeleton, link.limb, density)
         inertia = link.turn.T @ capsule.inertia() @ link.turn
         _add_inertial(body, capsule.mass, capsule.centre @ link.turn, inertia)
-        for end in bones_of(project, link):
+        for end in articulated.bones_of(project, link):
             _add_bone(body, end @ link.turn)
         _add_joints(robot, link, turns[link.parent])
-        for marker, place in markers_on(project, link.limb):
+        for marker, place in articulated.markers_on(project, link.limb):
             marker_name = f"marker_{marker_names[marker]}"
             _add_inertial(SubElement(robot, "link", name=marker_name))
             names = (f"{marker_name}_joint", link.name, marker_name)
@@ -141,8 +103,8 @@ def _add_joints(robot: Element, link: Link, above: Floats) -> None:
         SubElement(joint, "axis", xyz=number_text(single.axis))
         limit = SubElement(joint, "limit", effort=_EFFORT, velocity=_VELOCITY)
         if single.type != "continuous":
-            least = ANGLE_MARGIN if single.unit == "rad" else PLACE_MARGIN
-            lower, upper = range_of(single.values, 0.0, least)
+            least = articulated.ANGLE_MARGIN if single.unit == "rad" else articulated.PLACE_MARGIN
+            lower, upper = articulated.range_of(single.values, 0.0, least)
             limit.attrib.update(lower=repr(lower), upper=repr(upper))
         parent, place, above = child, np.zeros(3), single.turn
 
@@ -171,7 +133,7 @@ def _add_inertial(
 def _add_bone(body: Element, end: Floats) -> None:
     """Add a cylinder from the limb's joint to another of its joints, for people to see."""
     visual = SubElement(body, "visual")
-    SubElement(visual, "origin", xyz=number_text(end / 2 * M_PER_MM), rpy=_rpy(rotation_of_z_to(end)))
+    SubElement(visual, "origin", xyz=number_text(end / 2 * M_PER_MM), rpy=_rpy(articulated.rotation_of_z_to(end)))
     geometry = SubElement(visual, "geometry")
     SubElement(geometry, "cylinder", radius=_BONE_RADIUS_M, length=repr(float(np.linalg.norm(end)) * M_PER_MM))
 
@@ -186,7 +148,8 @@ def _singles(link: Link) -> list[_Single]:
     if link.kind in {"hinge", "universal"}:
         about_z = np.array([0.0, 0.0, 1.0])
         return [
-            _Single(name, "revolute", about_z, rotation_of_z_to(axis), values, "rad") for name, axis, values in turns
+            _Single(name, "revolute", about_z, articulated.rotation_of_z_to(axis), values, "rad")
+            for name, axis, values in turns
         ]
     revolute = [_Single(name, "revolute", axis, np.eye(3), values, "rad") for name, axis, values in turns]
     return [*_shifts(link), *revolute]
@@ -204,7 +167,7 @@ def _remarks(project: Project, options: Options) -> tuple[str, ...]:
         f"Limits are the range of this motion with a margin, masses those of capsules of {options.density:g} kg/m³; the"
         " deviations of angles are not written.",
         *remark_on_up(project, options, _UP, "A robot"),
-        *remarks_on_joints(project, options, by_three_angles=True),
+        *articulated.remarks_on_joints(project, options, by_three_angles=True),
     )
 
 
@@ -214,12 +177,12 @@ FORMAT = Format(
     suffixes=(MODEL_SUFFIX,),
     holds="skeleton",
     up=_UP,
-    write=lambda value, path, options, monitor: write_urdf(value, path, options.joints, options.density, monitor),
+    write=_write,
     check=lambda value, options: moving_project(value, _TITLE),
     files=lambda path, options: files_beside(path, MODEL_SUFFIX, MOTION_SUFFIX),
     keeps=("names", "limbs", "joints", "angles", "kinds", "motion"),
     marks_open=f"comments of the robot; in the motion, {MARKS_OPEN}",
     remarks=_remarks,
-    options=(UPRIGHTABLE, RATE, JOINTS, DENSITY),
+    options=(UPRIGHTABLE, RATE, JOINTS, articulated.DENSITY),
     note="Two files are written, .urdf and .urdf.csv with the value of each joint in every frame; in m and rad.",
 )

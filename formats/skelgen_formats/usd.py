@@ -26,7 +26,7 @@ from skelgen.geometry.rotations import transform_from
 from skelgen.geometry.up_axis import AS_RECORDED
 from skelgen.model import Project, Skeleton, Trajectories
 from skelgen.model.arrays import Floats
-from skelgen.progress import SILENT, Monitor, with_progress
+from skelgen.progress import Monitor, with_progress
 from skelgen_formats.bones import (
     along_bones,
     bone_end,
@@ -63,48 +63,22 @@ _WIDTH = 14.0  # mm: the diameter of a usual marker
 _MM_PER_METRE = 1000.0
 
 
-def write_usd(
-    value: Writable, path: Path, unit: str = "m", up: str = "", time_codes: float = _CODES, monitor: Monitor = SILENT
-) -> list[Path]:
-    """Write skeleton, motion and measured markers of a finished project; the suffix chooses text or binary.
-
-    Parameters
-    ----------
-    value : Project
-        In the axes that the file will state.
-    path : Path
-        The file.
-    unit : str
-        Unit of the lengths, stated in the file.
-    up : str
-        The axis that points up, ``y`` or ``z``; what is found if left out, and z if nothing is.
-    time_codes : float
-        Per second; 0 for one in each frame.
-    monitor : Monitor
-        Shows progress; may cancel.
-
-    Raises
-    ------
-    WriteError
-        If the value is no project or has no frames, USD is not installed, a number is beyond single precision, or the
-        file cannot be written.
-    MissingResultError
-        If the project has no skeleton yet.
-    """
+def _write(value: Writable, path: Path, options: Options, monitor: Monitor) -> None:
+    """Write skeleton, motion and measured markers of a finished project; the suffix chooses text or binary."""
     project = _project(value)
     check_single_precision(project, _TITLE)
     from pxr import Tf, Usd, UsdGeom  # noqa: PLC0415 - an extra
 
-    n_frames, rate = project.motion.n_frames, project.motion.rate
+    n_frames, rate, time_codes = project.motion.n_frames, project.motion.rate, options.time_codes
     codes = np.array([frame * ((time_codes or rate) / rate) for frame in range(n_frames)])
     stage = Usd.Stage.CreateInMemory()
-    UsdGeom.SetStageUpAxis(stage, (up or _up(project)).upper())
-    UsdGeom.SetStageMetersPerUnit(stage, MM_PER_UNIT[unit] / _MM_PER_METRE)
+    UsdGeom.SetStageUpAxis(stage, (turned_up(options.axes) or _up(project)).upper())
+    UsdGeom.SetStageMetersPerUnit(stage, MM_PER_UNIT[options.unit] / _MM_PER_METRE)
     stage.SetTimeCodesPerSecond(time_codes or project.motion.rate)
     stage.SetFramesPerSecond(project.motion.rate)
     stage.SetStartTimeCode(0)
     stage.SetEndTimeCode(float(codes[-1]))
-    _fill(stage, project, per_mm(unit), codes, monitor)
+    _fill(stage, project, per_mm(options.unit), codes, monitor)
     with replacing(path) as temporary:
         try:
             written = stage.GetRootLayer().Export(str(temporary))
@@ -112,7 +86,6 @@ def write_usd(
             raise WriteError(f"{path}: cannot be written: {str(error).strip().splitlines()[-1].strip()}") from error
         if not written:
             raise WriteError(f"{path}: cannot be written: the disk may be full")
-    return [path]
 
 
 def _project(value: Writable) -> Project:
@@ -273,10 +246,6 @@ TIME_CODES = Option(
     high=1e5,
 )
 """The option of how time is counted."""
-
-
-def _write(value: Writable, path: Path, options: Options, monitor: Monitor) -> list[Path]:
-    return write_usd(value, path, options.unit, turned_up(options.axes), options.time_codes, monitor)
 
 
 FORMAT = Format(

@@ -238,7 +238,7 @@ def turned_up(axes: str) -> str:
     return "" if axes == AS_RECORDED else axes[-1]
 
 
-def gravity(project: Project, up: str, usual: str) -> Floats:
+def gravity(project: Project, up: str, default: str) -> Floats:
     """Return the acceleration of gravity [m/s^2], shape (3,).
 
     Parameters
@@ -247,12 +247,12 @@ def gravity(project: Project, up: str, usual: str) -> Floats:
         In the axes of the file.
     up : str
         The axis that is up in the file; what is found if empty.
-    usual : str
+    default : str
         The one that is where nothing is found, see `Format.up`.
     """
     from skelgen.geometry.up_axis import up_of  # noqa: PLC0415 - scipy is slow to load
 
-    found = up or up_of(project) or usual
+    found = up or up_of(project) or default
     return np.where(np.array(list("xyz")) == found[-1], _GRAVITY if found.startswith("-") else -_GRAVITY, 0.0)
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from skelgen_formats.capture_settings import read_settings, write_settings
 
 from skelgen.app.recording import Recording, check_recording
-from skelgen.app.room import read_rig_settings, room_source_of
+from skelgen.app.room import read_capture_settings
 from skelgen.capture.bodies import BodyFinder
 from skelgen.capture.bodies.design import check_targets
 from skelgen.capture.bodies.prediction import PredictionParameters
@@ -24,6 +24,7 @@ from skelgen.capture.calibration.body import BodyCalibration, calibrate_body
 from skelgen.capture.calibration.joints import JointCalibration, calibrate_joints
 from skelgen.capture.live import Captured, MotionCapture, PointFinder, search_parameters
 from skelgen.capture.markers import ImageHealth
+from skelgen.capture.parameters import BodyParameters, DetectionParameters
 from skelgen.capture.values import FoundBody, FrameSource, JointRequest, StereoPoints
 from skelgen.errors import InputError
 from skelgen.model.rig import AnySettings, CameraRig, CaptureSettings, RoomSettings, StereoRig, TargetJoint
@@ -34,46 +35,38 @@ if TYPE_CHECKING:
     from skelgen.capture.room.points import RoomSource
 
 
-def read_capture_settings(path: Path) -> CaptureSettings:
-    """Read settings, the parameters of the capture checked with their lines; errors as `read_settings`."""
-    from skelgen.capture.parameters import BodyParameters, DetectionParameters  # noqa: PLC0415 - a second
-
-    return read_settings(path, DetectionParameters, BodyParameters)
-
-
-def source_of(settings: CaptureSettings, text: str | None = None) -> FrameSource:
+def source_of(settings: AnySettings, text: str | None = None) -> "FrameSource | RoomSource":
     """Return the source that a text names, or else the one of the settings.
-
-    Parameters
-    ----------
-    settings : CaptureSettings
-        What the capture knows.
-    text : str, optional
-        Where images come from, as docs/capture/sources.md has it.
-
-    Raises
-    ------
-    InputError
-        If neither names a source, or the text is no source.
-    """
-    from skelgen.capture.sources import open_source  # noqa: PLC0415 - drivers of cameras only where there are any
-
-    if not text and not settings.source:
-        raise InputError("the settings name no source of images; add <source> to them, or give one with --source")
-    return open_source(text) if text else open_source(settings.source, from_file=True)
-
-
-def any_source_of(settings: AnySettings, text: str | None = None) -> "FrameSource | RoomSource":
-    """Return the source that a text names, or else the one of the settings, for two cameras or for those of a room.
 
     Parameters
     ----------
     settings : CaptureSettings or RoomSettings
         What the capture knows.
     text : str, optional
-        Where images come from.
+        Where images come from, as docs/capture/sources.md and, for a room, docs/capture/room.md have it.
+
+    Raises
+    ------
+    InputError
+        If neither names a source, the text is no source, or its cameras are not as many as those of a room's settings.
     """
-    return room_source_of(settings, text) if isinstance(settings, RoomSettings) else source_of(settings, text)
+    named, is_from_file = text or settings.source, not text
+    if not named:
+        raise InputError("the settings name no source of images; add <source> to them, or give one with --source")
+    if isinstance(settings, CaptureSettings):
+        from skelgen.capture.sources import open_source  # noqa: PLC0415 - drivers of cameras only where there are any
+
+        return open_source(named, from_file=is_from_file)
+    from skelgen.capture.room.sources import open_room_source  # noqa: PLC0415 - loads the simulation
+
+    source = open_room_source(named, from_file=is_from_file)
+    if len(source.cameras) != len(settings.rig.cameras):
+        raise InputError(
+            f"{named} has {len(source.cameras)} cameras ({', '.join(source.cameras)}), the settings "
+            f"have {len(settings.rig.cameras)} ({', '.join(settings.rig.names)}); give the images of all "
+            "of them, in their order, or calibrate those that are there"
+        )
+    return source
 
 
 def capture(
@@ -302,7 +295,7 @@ def save_cameras(rig: StereoRig, path: Path, before: Path | None, source: str) -
     """
     settings = CaptureSettings(rig, source=source if source.startswith(_CAMERAS) else "")
     if before is not None and before.exists():
-        settings = replace(read_capture_settings(before), rig=rig)
+        settings = replace(read_settings(before, DetectionParameters, BodyParameters), rig=rig)
     write_settings(settings, path)
     return len(settings.bodies) + len(settings.joints)
 
@@ -352,7 +345,7 @@ def add_joints(path: Path, used: AnySettings, calibration: JointCalibration) -> 
 
 def _stored(path: Path, used: AnySettings) -> AnySettings:
     """Settings as they are in a file by now; those that were used if there is none."""
-    stored = read_rig_settings(path) if path.exists() else used
+    stored = read_capture_settings(path) if path.exists() else used
     if not _is_same(stored.rig, used.rig):
         raise InputError(
             f"the cameras of {path} are others than those that this was measured with; choose these settings above, "

@@ -221,19 +221,19 @@ def _joints(one: Project, other: Project, limbs: tuple[int, ...]) -> tuple[Compa
                 one.motion.joint_positions[:, joint] - other.motion.joint_positions[:, match], axis=1
             )
             median, largest = float(np.nanmedian(apart)), float(np.nanmax(apart))
-            angle = _turned(*(_turns(one, other, limb, limbs[limb]) for limb in edge))
+            angle = _median_turn(*(_limb_rotations(one, other, limb, limbs[limb]) for limb in edge))
         found.append(ComparedJoint(joint, match, median, largest, angle))
     return tuple(found)
 
 
-def _turns(one: Project, other: Project, limb: int, match: int) -> tuple[Floats, Floats]:
+def _limb_rotations(one: Project, other: Project, limb: int, match: int) -> tuple[Floats, Floats]:
     """Rotations of a limb in both results, shape (n_frames, 3, 3), both of the limb's frame in the first result."""
     mine, theirs = one.motion.rotations[:, limb], other.motion.rotations[:, match]
     between = nearest_rotation(np.einsum("fji,fjk->ik", theirs, mine))
     return mine, theirs @ between
 
 
-def _turned(parent: tuple[Floats, Floats], child: tuple[Floats, Floats]) -> float:
+def _median_turn(parent: tuple[Floats, Floats], child: tuple[Floats, Floats]) -> float:
     """Median angle [rad] between the rotations of a joint in both results, from those of its limbs."""
     mine, theirs = (np.swapaxes(parent[side], 1, 2) @ child[side] for side in range(2))
     angles = np.linalg.norm(vector_from_matrix(np.swapaxes(mine, 1, 2) @ theirs), axis=1)

@@ -7,15 +7,8 @@ from pathlib import Path
 import numpy as np
 from skelgen_formats.identities_csv import read_identities
 
+from skelgen.app import limb_names
 from skelgen.app.constraints import check_no_contradiction, corrected_marker, corrections_of
-from skelgen.app.limb_names import (
-    limb_of,
-    names_with_stated,
-    renamed_joints,
-    renamed_limbs,
-    stated_names,
-    with_joint_names,
-)
 from skelgen.errors import InputError
 from skelgen.model import Identities, Identity, Labelling, PointCloud, Project, Trajectories
 from skelgen.model.arrays import Ints
@@ -91,7 +84,7 @@ def without_correction(project: Project, index: int) -> Project:
         return _renamed_limbs(bare, project.corrections[index]) if project.has("limbs") else bare
     if project.corrections[index].kind == "name-joint":
         bare = replace(project, corrections=kept)
-        return renamed_joints(bare) if project.has("skeleton") else bare
+        return limb_names.renamed_joints(bare) if project.has("skeleton") else bare
     return replace(project, corrections=kept).before(project.corrections[index].stage)
 
 
@@ -213,8 +206,10 @@ def with_stated_limb_names(project: Project) -> Project:
     project : Project
         With a skeleton.
     """
-    named = project.with_limb_names(names_with_stated(project.limbs.names, stated_names(project, project.limbs)))
-    stated = with_joint_names(named, named.skeleton).joints
+    named = project.with_limb_names(
+        limb_names.names_with_stated(project.limbs.names, limb_names.stated_names(project, project.limbs))
+    )
+    stated = limb_names.with_joint_names(named, named.skeleton).joints
     joints = (new if new.name else old for new, old in zip(stated, named.skeleton.joints, strict=True))
     return named.with_skeleton(replace(named.skeleton, joints=tuple(joints)), named.motion, named.reports["skeleton"])
 
@@ -222,14 +217,14 @@ def with_stated_limb_names(project: Project) -> Project:
 def _renamed_limbs(project: Project, taken_back: Correction | None = None) -> Project:
     """The project with limbs as its corrections call them; other limbs of a calibrated skeleton keep their names."""
     if not is_by_subject(project):
-        return renamed_limbs(project)
+        return limb_names.renamed_limbs(project)
     names = list(project.limbs.names)
     if taken_back is not None:
-        limb, bodies = limb_of(project, project.limbs, taken_back), project.bodies
-        found = renamed_limbs(project).limbs.names[limb]
+        limb, bodies = limb_names.limb_of(project, project.limbs, taken_back), project.bodies
+        found = limb_names.renamed_limbs(project).limbs.names[limb]
         body = next((body.name for body in bodies if limb in body.limbs), "")
         names[limb] = f"{body}{BODY_END}{body_and_limb(found)[1]}" if len(bodies) > 1 else found
-    return project.with_limb_names(names_with_stated(names, stated_names(project, project.limbs)))
+    return project.with_limb_names(limb_names.names_with_stated(names, limb_names.stated_names(project, project.limbs)))
 
 
 def _with_named_joint(project: Project, correction: Correction) -> Project:
@@ -242,7 +237,7 @@ def _with_named_joint(project: Project, correction: Correction) -> Project:
         near = [names[limb] for pair in tree if one in pair for limb in pair - {one}]
         what = f"{names[one]} is joined to {listed(near) or 'no limb'}" if one != other else f"both are on {names[one]}"
         raise InputError(f"there is no joint between the limbs of {listed(correction.names)}: {what}")
-    return renamed_joints(project)
+    return limb_names.renamed_joints(project)
 
 
 def _with_edited_labels(project: Project, correction: Correction) -> Project:

@@ -23,11 +23,11 @@ from skelgen.model.filled import Filled
 from skelgen.progress import SILENT, Monitor, counted, listed
 
 
-def _write_report(value: Writable, path: Path, options: Options, monitor: Monitor) -> list[Path]:
+def _write_report(value: Writable, path: Path, options: Options, monitor: Monitor) -> None:
     from skelgen.app.report import write_report  # noqa: PLC0415 - its templates take time to load
 
     value = value.measured if isinstance(value, Filled) else value
-    return [write_report(value if isinstance(value, Project) else Project(value), path, monitor)]
+    write_report(value if isinstance(value, Project) else Project(value), path, monitor)
 
 
 REPORT = Format(
@@ -44,29 +44,13 @@ REPORT = Format(
 
 
 @dataclass(frozen=True)
-class Planned:
-    """A file that an export will write.
-
-    Attributes
-    ----------
-    path : Path
-        Where.
-    exists : bool
-        Whether it replaces a file.
-    """
-
-    path: Path
-    exists: bool
-
-
-@dataclass(frozen=True)
 class Preview:
     """What an export will do.
 
     Attributes
     ----------
-    files : tuple of Planned
-        What will be written.
+    files : tuple of Path
+        What will be written; files that are there are replaced.
     contents : str
         What of the project will be in them, with its counts, e.g. ``45 markers in 2000 frames (20 s)``; of several
         bodies in files of their own for each file.
@@ -76,7 +60,7 @@ class Preview:
         Why it cannot be done; empty if it can.
     """
 
-    files: tuple[Planned, ...] = ()
+    files: tuple[Path, ...] = ()
     contents: str = ""
     remarks: tuple[str, ...] = ()
     obstacle: str = ""
@@ -147,11 +131,10 @@ def preview_export(project: Project, entry: Format, path: Path, options: Mapping
         check_outputs(written, (recording_of(project),), written)
     except SkelgenError as error:
         return Preview(obstacle=str(error))
-    files = tuple(Planned(file, file.exists()) for file in written)
     contents = [_contents(part, entry, chosen.rate) for part, _ in parts]
     if len(parts) > 1:
         contents = [f"{name.name}: {one}" for (_, name), one in zip(parts, contents, strict=True)]
-    return Preview(files, "; ".join(contents), remarks_on_parts(parts, entry, chosen))
+    return Preview(tuple(written), "; ".join(contents), remarks_on_parts(parts, entry, chosen))
 
 
 def turn_upright(entry: Format, up: str) -> str:

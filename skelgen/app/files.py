@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib import resources
 from pathlib import Path
+from typing import Any
 
 from skelgen_formats import registry
 from skelgen_formats.capture_settings import write_settings
@@ -16,14 +17,7 @@ from skelgen.app.corrections import with_identities
 from skelgen.app.inputs import with_checked_arguments
 from skelgen.app.limb_names import with_segment_names
 from skelgen.app.outputs import check_outputs, files_of, recording_of
-from skelgen.app.project_file.archive import (
-    SUFFIX,
-    find_result,
-    is_project_file,
-    open_project,
-    recorded_file_of,
-    save_project,
-)
+from skelgen.app.project_file import archive
 from skelgen.errors import FormatError, InputError, WriteError
 from skelgen.files import read_content, replacing
 from skelgen.model import PointCloud, Poses, Project, Take, Trajectories
@@ -36,7 +30,7 @@ PROJECT_FORMAT = "skelgen"
 """Name of the project file among the formats."""
 
 _PROJECT_NOTE = "Take and results of all stages, exactly; every stage resumes from it."
-_PROJECT_ROW = (PROJECT_FORMAT, "skelgen project", SUFFIX, "everything", "yes", "yes", "", _PROJECT_NOTE)
+_PROJECT_ROW = (PROJECT_FORMAT, "skelgen project", archive.SUFFIX, "everything", "yes", "yes", "", _PROJECT_NOTE)
 
 
 @dataclass(frozen=True)
@@ -94,16 +88,16 @@ def open_input(
     """
     file = file if isinstance(file, NamedFile) else NamedFile(Path(file))
     path, format, options = file.path, file.format, file.options
-    if format == PROJECT_FORMAT or (format is None and is_project_file(path)):
+    if format == PROJECT_FORMAT or (format is None and archive.is_project_file(path)):
         if options:
             raise InputError(f"{path}: a project file is read without options, not with {', '.join(options)}")
-        project = open_project(find_result(path))
+        project = archive.open_project(archive.find_result(path))
         return with_identities(replace(project, seed=project.seed if seed is None else seed), identities)
     if is_stereo(path, format):
         taken = _read_stereo(path, **registry.checked_options(STEREO, options, reading=True), monitor=monitor)
         return with_identities(Project(taken, seed or 0), identities)
     take = registry.read_take(path, format, sample=sample, **options)
-    source = recorded_file_of(path, format or registry.recognise(path).name, options)
+    source = archive.recorded_file_of(path, format or registry.recognise(path).name, options)
     return with_identities(Project(take, seed or 0, source=source), identities)
 
 
@@ -177,12 +171,12 @@ def write_any(
     if _is_project(path, format):
         if options:
             raise WriteError(f"{path}: a project file is written without options, not with {', '.join(options)}")
-        return [save_project(value if isinstance(value, Project) else Project(value), path)]
+        return [archive.save_project(value if isinstance(value, Project) else Project(value), path)]
     return registry.write_file(value, path, format, monitor=SILENT, **options)
 
 
 def _is_project(path: Path | str, format: str | None) -> bool:
-    return format == PROJECT_FORMAT or (format is None and Path(path).suffix.lower() == SUFFIX)
+    return format == PROJECT_FORMAT or (format is None and Path(path).suffix.lower() == archive.SUFFIX)
 
 
 def convert_file(source: NamedFile, target: NamedFile, monitor: Monitor = SILENT) -> tuple[tuple[str, ...], list[Path]]:
@@ -216,7 +210,7 @@ def convert_file(source: NamedFile, target: NamedFile, monitor: Monitor = SILENT
         check_outputs(planned, (recording_of(project),), planned)
     files = [file for part, path in parts for file in write_any(part, path, target.format, **target.options)]
     remarked = [(part, path) for part, path in parts if isinstance(part, Project)] or [(project, target.path)]
-    read_now = () if _is_project(find_result(source.path), source.format) else project.take.notices
+    read_now = () if _is_project(archive.find_result(source.path), source.format) else project.take.notices
     return (*read_now, *_remarks(remarked, target)), files
 
 
@@ -237,7 +231,7 @@ def _remarks(parts: Sequence[tuple[Project, Path]], target: NamedFile) -> tuple[
 
 def name_of_format(path: Path) -> str:
     """Return the name of the format in which a file is read."""
-    if is_project_file(path):
+    if archive.is_project_file(path):
         return PROJECT_FORMAT
     return STEREO.name if is_stereo(path) else registry.recognise(path).name
 
@@ -258,7 +252,7 @@ def format_rows() -> list[dict[str, str]]:
 def file_filter() -> str:
     """Return what a file dialog offers to open: everything that is read, then each format by itself."""
     readable = [(entry.title, entry.suffixes) for entry in readable_formats()]
-    readable.append((_PROJECT_ROW[1], (SUFFIX,)))
+    readable.append((_PROJECT_ROW[1], (archive.SUFFIX,)))
     everything = " ".join(dict.fromkeys(f"*{suffix}" for _, suffixes in readable for suffix in suffixes))
     single = [f"{title} ({' '.join(f'*{suffix}' for suffix in suffixes)})" for title, suffixes in readable]
     return ";;".join((f"Recordings and projects ({everything})", *single, "All files (*)"))
@@ -303,16 +297,15 @@ def _read_stereo(path: Path | str, source: str = "", frames: int = 0, *, monitor
         If there is no source, it breaks off, or its images do not belong to the settings.
     """
     from skelgen.app.capture import source_of  # noqa: PLC0415 - numba takes a second
-    from skelgen.app.room import read_rig_settings, room_source_of  # noqa: PLC0415
+    from skelgen.app.room import read_capture_settings  # noqa: PLC0415
     from skelgen.capture.markers import markers_of  # noqa: PLC0415
     from skelgen.capture.room.recording import markers_of_room  # noqa: PLC0415
 
     path = Path(path)
-    settings = read_rig_settings(path)
+    settings = read_capture_settings(path)
+    images: Any = source_of(settings, source)  # those that belong to the settings
     if isinstance(settings, RoomSettings):
-        sets = room_source_of(settings, source or None)
-        return markers_of_room(settings, sets, n_frames=frames or None, name=path.name, monitor=monitor)
-    images = source_of(settings, source or None)
+        return markers_of_room(settings, images, n_frames=frames or None, name=path.name, monitor=monitor)
     return markers_of(settings, images, n_frames=frames or None, name=path.name, monitor=monitor)
 
 

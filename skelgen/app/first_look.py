@@ -203,7 +203,7 @@ def adapted(project: Project, parameters: AdaptParameters) -> Project:
     if not len(frames):
         asked = f"frames {parameters.first_frame} to {last}"
         raise InputError(f"{take.name or 'the take'}: {asked} are asked for, and it has 0 to {take.n_frames - 1}")
-    turned = with_up_axis(_with_rate(_cut(take, frames), parameters.rate), parameters.axes)
+    turned = with_up_axis(_with_rate(_part_of_take(take, frames), parameters.rate), parameters.axes)
     if not isinstance(turned, PointCloud | Trajectories | Poses):
         raise InputError(f"{take.name}: it cannot be turned")  # never: a take stays a take
     changed = ", ".join(
@@ -215,7 +215,7 @@ def adapted(project: Project, parameters: AdaptParameters) -> Project:
     return Project(adapted, project.seed)  # no file holds this take: the project must
 
 
-def _cut(take: Take, frames: range) -> Take:
+def _part_of_take(take: Take, frames: range) -> Take:
     part = slice(frames.start, frames.stop)
     if isinstance(take, Trajectories):
         return replace(take, positions=take.positions[part])

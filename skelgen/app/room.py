@@ -10,51 +10,20 @@ from typing import TYPE_CHECKING
 from skelgen_formats.capture_settings import read_any_settings, write_settings
 
 from skelgen.capture.parameters import BodyParameters, DetectionParameters
-from skelgen.errors import InputError
-from skelgen.model.rig import CaptureSettings, RoomSettings
+from skelgen.model.rig import AnySettings, RoomSettings
 from skelgen.progress import SILENT, Monitor
 
 if TYPE_CHECKING:
     from skelgen.capture.room.boards import AnyBoard
     from skelgen.capture.room.calibrate import WandCalibration
-    from skelgen.capture.room.points import RoomSource
 
 NOTICE_EVERY = 10.0
 """s between two sentences on what a wand has covered."""
 
 
-def read_rig_settings(path: Path) -> CaptureSettings | RoomSettings:
+def read_capture_settings(path: Path) -> AnySettings:
     """Read settings of two cameras or of a room, the parameters checked with their lines; errors as `read_settings`."""
     return read_any_settings(path, DetectionParameters, BodyParameters)
-
-
-def room_source_of(settings: RoomSettings, text: str | None = None) -> "RoomSource":
-    """Return the source that a text names, or else the one of the settings.
-
-    Parameters
-    ----------
-    settings : RoomSettings
-        What the capture knows.
-    text : str, optional
-        Where images come from, as docs/capture/room.md has it.
-
-    Raises
-    ------
-    InputError
-        If neither names one, or its cameras are not as many as those of the settings.
-    """
-    from skelgen.capture.room.sources import open_room_source  # noqa: PLC0415 - loads the simulation
-
-    if not text and not settings.source:
-        raise InputError("the settings name no source of images; add <source> to them, or give one with --source")
-    source = open_room_source(text) if text else open_room_source(settings.source, from_file=True)
-    if len(source.cameras) != len(settings.rig.cameras):
-        raise InputError(
-            f"{text or settings.source} has {len(source.cameras)} cameras ({', '.join(source.cameras)}), the settings "
-            f"have {len(settings.rig.cameras)} ({', '.join(settings.rig.names)}); give the images of all "
-            "of them, in their order, or calibrate those that are there"
-        )
-    return source
 
 
 @dataclass(frozen=True)
@@ -183,5 +152,5 @@ def save_room(settings: RoomSettings, path: Path) -> None:
     path : Path
         The file.
     """
-    before = read_rig_settings(path) if path.exists() else None
+    before = read_capture_settings(path) if path.exists() else None
     write_settings(replace(before, rig=settings.rig) if isinstance(before, RoomSettings) else settings, path)

@@ -10,27 +10,12 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import cast
 
+from skelgen.app import constraints, inputs
 from skelgen.app.configuration import Settings
-from skelgen.app.constraints import (
-    RunOptions,
-    joint_constraints,
-    joint_types,
-    limb_constraints,
-    names_by_markers,
-    stated_number,
-)
+from skelgen.app.constraints import RunOptions
 from skelgen.app.corrections import corrected_labels
-from skelgen.app.inputs import (
-    check_trajectories,
-    joints_of_bodies,
-    limbs_from_poses,
-    limbs_with_parts,
-    repaired_sensors,
-    trajectories_from_poses,
-)
 from skelgen.app.limb_names import marker_set_of, named_limbs, names_in_motion, names_of_shape, with_joint_names
-from skelgen.app.set_prior import HeldNotices, with_segments, with_tree
-from skelgen.app.stated_bodies import bodies_by_joints, near_limbs
+from skelgen.app.set_prior import HeldNotices, bodies_by_joints, near_limbs, with_segments, with_tree
 from skelgen.errors import InputError
 from skelgen.model import (
     Labelling,
@@ -56,20 +41,6 @@ class LabelResult:
 
 
 @dataclass(frozen=True, eq=False)
-class LimbResult:
-    """Markers grouped into limbs."""
-
-    limbs: Limbs
-
-
-@dataclass(frozen=True, eq=False)
-class JointResult:
-    """The tree of limbs with raw joints."""
-
-    topology: Topology
-
-
-@dataclass(frozen=True, eq=False)
 class SkeletonResult:
     """The rigid skeleton and its motion."""
 
@@ -77,7 +48,7 @@ class SkeletonResult:
     motion: Motion
 
 
-StageResult = LabelResult | LimbResult | JointResult | SkeletonResult
+StageResult = LabelResult | Limbs | Topology | SkeletonResult
 
 
 def with_result(project: Project, result: StageResult, report: StageReport) -> Project:
@@ -95,10 +66,10 @@ def with_result(project: Project, result: StageResult, report: StageReport) -> P
     match result:
         case LabelResult():
             return project.with_trajectories(result.trajectories, report, result.labelling)
-        case LimbResult():
-            return project.with_limbs(result.limbs, report)
-        case JointResult():
-            return project.with_topology(result.topology, report)
+        case Limbs():
+            return project.with_limbs(result, report)
+        case Topology():
+            return project.with_topology(result, report)
         case SkeletonResult():
             done = project.with_skeleton(result.skeleton, result.motion, report)
             names = result.skeleton.limb_names
@@ -166,7 +137,7 @@ def run_labels(project: Project, settings: Settings, options: RunOptions, monito
     return LabelResult(*corrected_labels(project, found.trajectories, found.labelling, monitor))
 
 
-def run_limbs(project: Project, settings: Settings, options: RunOptions, monitor: Monitor) -> LimbResult:
+def run_limbs(project: Project, settings: Settings, options: RunOptions, monitor: Monitor) -> Limbs:
     """Group the labelled markers of a project into limbs.
 
     Parameters
@@ -187,45 +158,45 @@ def run_limbs(project: Project, settings: Settings, options: RunOptions, monitor
     """
     if isinstance(project.take, Poses):
         return _limbs_of_bodies(project, project.take, options, monitor)
-    check_trajectories(project.trajectories)
+    inputs.check_trajectories(project.trajectories)
     if project.trajectories.are_keypoints:
         return _limbs_of_keypoints(project, options, monitor)
     from skelgen.stages.limbs import doubt_notices, find_limbs  # noqa: PLC0415 - see the module's docstring
 
-    n_limbs = options.n_limbs or stated_number(project, "n_limbs")
-    stated = limb_constraints(project, settings.limbs.marker_set, monitor)
+    n_limbs = options.n_limbs or constraints.stated_number(project, "n_limbs")
+    stated = constraints.limb_constraints(project, settings.limbs.marker_set, monitor)
     is_open = settings.limbs.method == "rigidity" and settings.limbs.n_bodies < 2
     first = None if is_open else n_limbs
     find = partial(find_limbs, parameters=settings.limbs, n_limbs=first, seed=project.seed, monitor=monitor)
     split = project.labelling.split if project.has_labelling else ()
     held = HeldNotices(monitor)
-    limbs = limbs_with_parts(project.trajectories, split, partial(find, constraints=stated, monitor=held))
+    limbs = inputs.limbs_with_parts(project.trajectories, split, partial(find, constraints=stated, monitor=held))
     parted = bodies_by_joints(project, settings, limbs, stated, monitor)
     if parted is not None:
         stated, held = parted, HeldNotices(monitor)
-        limbs = limbs_with_parts(project.trajectories, split, partial(find, constraints=stated, monitor=held))
+        limbs = inputs.limbs_with_parts(project.trajectories, split, partial(find, constraints=stated, monitor=held))
     if settings.limbs.marker_set == "auto" and first is None:
         prior = with_segments(project, limbs, stated.with_parameters(settings.limbs), monitor)
         if prior is not None:
             held = HeldNotices(monitor)
-            limbs = limbs_with_parts(project.trajectories, split, partial(find, constraints=prior, monitor=held))
+            limbs = inputs.limbs_with_parts(project.trajectories, split, partial(find, constraints=prior, monitor=held))
     if n_limbs not in {None, limbs.n_limbs}:
         held, near = HeldNotices(monitor), near_limbs(project.trajectories.names, limbs, split, stated, n_limbs)
         find = partial(find, n_limbs=n_limbs, monitor=held)
         try:
-            limbs = limbs_with_parts(project.trajectories, split, partial(find, constraints=near))
+            limbs = inputs.limbs_with_parts(project.trajectories, split, partial(find, constraints=near))
         except InputError:  # the limbs that are found cannot be parted into so few
-            limbs = limbs_with_parts(project.trajectories, split, partial(find, constraints=stated))
+            limbs = inputs.limbs_with_parts(project.trajectories, split, partial(find, constraints=stated))
     held.release()
     if limbs.n_limbs == 1 and n_limbs is None:
         monitor.notice("only one limb is found: all markers move as one, or each by itself; there is no joint")
     limbs = named_limbs(project, limbs, settings.limbs.marker_set, monitor)
     for notice in doubt_notices(limbs, project.trajectories.names):
         monitor.notice(notice)
-    return LimbResult(limbs)
+    return limbs
 
 
-def run_joints(project: Project, settings: Settings, options: RunOptions, monitor: Monitor) -> JointResult:
+def run_joints(project: Project, settings: Settings, options: RunOptions, monitor: Monitor) -> Topology:
     """Find the joints between the limbs of a project and the tree that they form.
 
     Parameters
@@ -252,10 +223,10 @@ def run_joints(project: Project, settings: Settings, options: RunOptions, monito
             if project.limbs.limb_of_marker[project.trajectories.names.index(options.root)] != 0:
                 what = "the root of keypoints is chosen with their limbs; run that stage with it"
                 raise InputError(f"{project.name}: {what}")
-        return JointResult(find_keypoint_joints(project.trajectories, project.limbs))
+        return find_keypoint_joints(project.trajectories, project.limbs)
     from skelgen.stages.joints import JointSearch  # noqa: PLC0415 - see the module's docstring
 
-    constraints = joint_constraints(project, options, monitor, settings.limbs.marker_set)
+    stated = constraints.joint_constraints(project, options, monitor, settings.limbs.marker_set)
     parameters = settings.joints
     if settings.limbs.marker_set == "none":
         parameters = replace(parameters, known_neighbours=False)
@@ -264,16 +235,16 @@ def run_joints(project: Project, settings: Settings, options: RunOptions, monito
     held, prior = HeldNotices(monitor), None
     with _processes(options.n_jobs):
         if isinstance(project.take, Poses):
-            return JointResult(joints_of_bodies(project, find, constraints, monitor))
-        topology = find(constraints=constraints, monitor=held)
+            return inputs.joints_of_bodies(project, find, stated, monitor)
+        topology = find(constraints=stated, monitor=held)
         if settings.limbs.marker_set == "auto":
-            names = names_by_markers(project) if _wears_set(project) else names_of_shape(project)
-            prior = with_tree(project, topology, constraints, names, monitor)
+            names = constraints.names_by_markers(project) if _wears_set(project) else names_of_shape(project)
+            prior = with_tree(project, topology, stated, names, monitor)
         if prior is None:
             held.release()
         else:
             topology = find(constraints=prior)
-    return JointResult(topology)
+    return topology
 
 
 def run_skeleton(project: Project, settings: Settings, options: RunOptions, monitor: Monitor) -> SkeletonResult:
@@ -303,7 +274,7 @@ def run_skeleton(project: Project, settings: Settings, options: RunOptions, moni
     from skelgen.stages.skeleton import fit_skeleton  # noqa: PLC0415 - see the module's docstring
 
     held = HeldNotices(monitor)  # limbs get their names at the end
-    types, parameters = joint_types(project, held), settings.skeleton
+    types, parameters = constraints.joint_types(project, held), settings.skeleton
     if settings.limbs.marker_set == "none":
         parameters = replace(parameters, known_build=False)
     skeleton, motion = fit_skeleton(
@@ -351,7 +322,7 @@ def _labels_of_points(
     trajectories, labelling = label_markers(
         cloud,
         settings.labels,
-        n_markers=options.n_markers or stated_number(project, "n_markers"),
+        n_markers=options.n_markers or constraints.stated_number(project, "n_markers"),
         identities=project.identities,
         seed=project.seed,
         monitor=monitor,
@@ -366,24 +337,24 @@ def _labels_of_bodies(project: Project, poses: Poses, monitor: Monitor) -> Label
         "the take holds bodies with orientation: each becomes seven virtual markers (its origin and both ends of "
         "its axes), named body:o, body:x, body:-x and so on"
     )
-    return LabelResult(trajectories_from_poses(repaired_sensors(poses, monitor)), None)
+    return LabelResult(inputs.trajectories_from_poses(inputs.repaired_sensors(poses, monitor)), None)
 
 
-def _limbs_of_bodies(project: Project, poses: Poses, options: RunOptions, monitor: Monitor) -> LimbResult:
+def _limbs_of_bodies(project: Project, poses: Poses, options: RunOptions, monitor: Monitor) -> Limbs:
     if options.n_limbs not in (None, poses.n_bodies):
         raise InputError(
             f"{project.name}: the take holds {counted(poses.n_bodies, 'body', 'bodies')}, each of which is a limb; "
             f"{counted(options.n_limbs or 0, 'limb')} cannot be made of them"
         )
     monitor.notice("each body of the take is a limb: this stage is skipped")
-    return LimbResult(named_limbs(project, limbs_from_poses(poses, project.trajectories), "none"))
+    return named_limbs(project, inputs.limbs_from_poses(poses, project.trajectories), "none")
 
 
-def _limbs_of_keypoints(project: Project, options: RunOptions, monitor: Monitor) -> LimbResult:
+def _limbs_of_keypoints(project: Project, options: RunOptions, monitor: Monitor) -> Limbs:
     if options.n_limbs or options.hierarchy or options.joined or options.parted:
         what = "limbs and tree of keypoints are the bones between them; only their root can be stated"
         raise InputError(f"{project.name}: {what} (`--points markers` reads the points as markers)")
     from skelgen.stages.keypoints import find_keypoint_limbs  # noqa: PLC0415 - see the module's docstring
 
     limbs = find_keypoint_limbs(project.trajectories, options.root, monitor)
-    return LimbResult(named_limbs(project, limbs, "none"))
+    return named_limbs(project, limbs, "none")

@@ -29,15 +29,8 @@ from skelgen.model import (
 from skelgen.model.arrays import Floats
 from skelgen.model.joint_spans import JointSpan
 from skelgen.progress import SILENT, Monitor
+from skelgen.stages import labels
 from skelgen.stages.joints import find_joint_spans
-from skelgen.stages.labels import (
-    PointLabels,
-    corrected_quality,
-    history_of,
-    labelling_of_cloud,
-    labelling_of_markers,
-    pose_skeleton,
-)
 from skelgen.stages.subject import SensorShift, SubjectFit, find_moved_sensors, fit_subject, subject_motion
 
 
@@ -212,7 +205,7 @@ def _run_with_sensors(project: Project, take: Poses, subject: Project, settings:
     positions = _virtual_markers(take, subject)
     with threadpool_limits(limits=1):
         skeleton, seats, loose = find_moved_sensors(subject.skeleton, subject.trajectories.positions, positions)
-        poses = pose_skeleton(skeleton, positions, settings.skeleton, monitor)
+        poses = labels.pose_skeleton(skeleton, positions, settings.skeleton, monitor)
         motion = subject_motion(skeleton, poses, positions, take.rate)
     sentences = _sentences_on_sensors(take, names, skeleton, seats, loose)
     for sentence in sentences:
@@ -272,12 +265,12 @@ def _label_quality(take: PointCloud | Trajectories, fit: SubjectFit) -> Labellin
     """How sure the labels are."""
     if isinstance(take, PointCloud):
         tracked = fit.labels.points
-        points = PointLabels(tracked.cloud, tracked.tracks, fit.labels.marker_of_point)
-        found = labelling_of_cloud(fit.found, history_of(points, fit.found.n_markers))
+        points = labels.PointLabels(tracked.cloud, tracked.tracks, fit.labels.marker_of_point)
+        found = labels.labelling_of_cloud(fit.found, labels.history_of(points, fit.found.n_markers))
     else:
-        found = labelling_of_markers(fit.found, fit.found)
+        found = labels.labelling_of_markers(fit.found, fit.found)
     is_edited = fit.edits.touched.any() or fit.edits.deleted.any()
-    return corrected_quality(found, fit.edits, isinstance(take, PointCloud)) if is_edited else found
+    return labels.corrected_quality(found, fit.edits, isinstance(take, PointCloud)) if is_edited else found
 
 
 def _virtual_markers(take: Poses, subject: Project) -> Floats:

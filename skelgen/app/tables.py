@@ -5,10 +5,9 @@ from typing import NotRequired, TypedDict, cast
 import numpy as np
 from skelgen_formats.lines import Sample
 
-from skelgen.app.advice import advice_on, doubtful_share, left_out_share
+from skelgen.app.advice import advice_on, doubtful_share, left_out_share, open_questions
 from skelgen.app.first_look import TakeFacts, account_of
 from skelgen.app.stage_summary import stage_notices
-from skelgen.app.standing import open_questions
 from skelgen.geometry.up_axis import find_up
 from skelgen.kinematics.inverse.loop_closure import loop_gaps
 from skelgen.kinematics.inverse.motion import angle_ranges

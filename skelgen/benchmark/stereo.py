@@ -101,7 +101,7 @@ def _trials_of(
                     for target, pose in zip(_TARGETS, (parent, child), strict=True)
                 ]
                 points = np.concatenate(balls)
-                left, right = (_noisy_balls(project(eye, points), rig.noise, rng) for eye in (rig.left, rig.right))
+                left, right = (_noisy_balls(project(one, points), rig.noise, rng) for one in (rig.left, rig.right))
                 bodies, found = capture.recognise(match_and_triangulate(left, right, rig), 0.0)
             yield _Trial((parent, child), bend, bodies, found[joint.name]) if found else None
 

@@ -147,10 +147,10 @@ class BallPairs:
             longest = np.zeros(n_balls, dtype=np.intp)
             np.maximum.at(longest, balls, counts)
             kept &= counts + LEAD > longest[balls]
-        return points if kept.all() else _some(points, np.flatnonzero(kept))
+        return points if kept.all() else _kept_points(points, np.flatnonzero(kept))
 
 
-def _some(points: StereoPoints, kept: Ints) -> StereoPoints:
+def _kept_points(points: StereoPoints, kept: Ints) -> StereoPoints:
     """Some of all points, with what is ambiguous among them."""
     left, right = points.left[kept], points.right[kept]
     shared = (np.bincount(left)[left] > 1) | (np.bincount(right)[right] > 1)

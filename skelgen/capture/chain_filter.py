@@ -16,18 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from skelgen._kernels.kalman import GROWTH
-from skelgen.capture.bodies import ExpectedPose
-from skelgen.capture.bodies.prediction import (
-    DOUBT,
-    FASTEST,
-    FRAME,
-    HISTORY,
-    MAX_INNOVATION,
-    PACE,
-    SCALES,
-    MeasuredNoise,
-    PredictionParameters,
-)
+from skelgen.capture.bodies import ExpectedPose, prediction
 from skelgen.capture.calibration.joints import trees_of
 from skelgen.capture.error_propagation import HINGE, block_diagonal, constraint_slope
 from skelgen.capture.target_joints import (
@@ -81,14 +70,17 @@ class ChainFilter:
     """
 
     def __init__(
-        self, joints: Sequence[TargetJoint], targets: Mapping[str, BodyTarget], parameters: PredictionParameters
+        self,
+        joints: Sequence[TargetJoint],
+        targets: Mapping[str, BodyTarget],
+        parameters: prediction.PredictionParameters,
     ) -> None:
         self._tree, self._targets, self._parameters = TargetChain(joints), targets, parameters
         self._groups = [slice(0, 3), slice(3, N_POSE), *self._tree.of_joint]
         self._typical = np.full(self._tree.n, parameters.turning_jerk)
         self._typical[3:N_POSE] = parameters.jerk
         self._scales = np.ones(len(self._groups))
-        self._noise = {name: MeasuredNoise() for name in self._tree.names}
+        self._noise = {name: prediction.MeasuredNoise() for name in self._tree.names}
         self._play = [_Play(joint) for joint in joints]
         self._chain: ChainState | None = None
         self._time, self._seen = 0.0, dict.fromkeys(self._tree.names, -math.inf)
@@ -129,7 +121,7 @@ class ChainFilter:
             self._begin(bodies)
         elif self._chain is not None:
             self._chain, deviation = self._corrected(self._at(self._chain, time), bodies)
-            if deviation > DOUBT * N_POSE * max(len(bodies), 1):
+            if deviation > prediction.DOUBT * N_POSE * max(len(bodies), 1):
                 self._begin(bodies)
         self._time, self._ahead = time, None
         if self._chain is None:
@@ -152,7 +144,7 @@ class ChainFilter:
                 angle = math.atan2(turn[1, 0] - turn[0, 1], turn[0, 0] + turn[1, 1])
                 turn = matrix_from_vector(np.array([0.0, 0.0, angle]))
             turns.append(turn)
-        speed, acceleration, turning, turning_acceleration = FASTEST
+        speed, acceleration, turning, turning_acceleration = prediction.FASTEST
         fast, faster = np.full(self._tree.n, turning), np.full(self._tree.n, turning_acceleration)
         fast[3:N_POSE], faster[3:N_POSE] = speed, acceleration
         covariance = np.diag(np.concatenate([np.full(self._tree.n, 1.0), fast, faster]) ** 2)
@@ -172,7 +164,7 @@ class ChainFilter:
         growth = np.array([[1.0, step, step**2 / 2], [0.0, 1.0, step], [0.0, 0.0, 1.0]])
         rows, n = np.arange(3), self._tree.n
         scales = np.repeat(self._scales, [group.stop - group.start for group in self._groups])
-        power = (scales * self._typical) ** 2 * FRAME
+        power = (scales * self._typical) ** 2 * prediction.FRAME
         carried = np.einsum("ab,bicj,dc->aidj", growth, chain.covariance.reshape(3, n, 3, n), growth)
         grown = GROWTH * step ** (5.0 - rows[:, np.newaxis] - rows)
         carried[:, np.arange(n), :, np.arange(n)] += grown * power[:, np.newaxis, np.newaxis]
@@ -239,8 +231,8 @@ class ChainFilter:
             if np.linalg.eigvalsh(own)[0] <= 0:  # nothing was seen of it
                 continue
             ratio = float(change @ np.linalg.solve(own, change)) / len(change)
-            scale = self._scales[number] * math.exp(PACE * (min(ratio, MAX_INNOVATION) - 1))
-            self._scales[number] = min(max(scale, SCALES[0]), SCALES[1])
+            scale = self._scales[number] * math.exp(prediction.PACE * (min(ratio, prediction.MAX_INNOVATION) - 1))
+            self._scales[number] = min(max(scale, prediction.SCALES[0]), prediction.SCALES[1])
 
     def _with_few_balls(
         self, chain: ChainState, bodies: Mapping[str, FoundBody], points: StereoPoints
@@ -343,7 +335,7 @@ class _Play:
         violation, slope = violation_of(self._joint, poses), constraint_slope(self._joint, poses)
         noise = slope @ block_diagonal(parent.covariance, child.covariance) @ slope.T
         excess = violation**2 - np.diag(noise)
-        self._n = min(self._n + 1, HISTORY)
+        self._n = min(self._n + 1, prediction.HISTORY)
         tilt = excess[3:].mean() if len(excess) > 3 else 0.0
         self._squares += (np.array([excess[:3].mean(), tilt]) - self._squares) / self._n
 
@@ -366,7 +358,7 @@ class _Play:
 
 
 def chain_filters(
-    settings: CaptureSettings | RoomSettings, parameters: PredictionParameters
+    settings: CaptureSettings | RoomSettings, parameters: prediction.PredictionParameters
 ) -> tuple[ChainFilter, ...]:
     """Return a filter for each tree of targets that joints hold together.
 

@@ -168,8 +168,8 @@ def calibration_covariances(rig: StereoRig, points: Floats) -> Floats:
         raise InputError("these cameras have no covariance: calibrate them again")
     to_left = rig.left.camera_from_world
     in_left = moved_points(to_left, points)
-    eyes = replace(rig.left, camera_from_world=np.eye(4)), replace(rig.right, camera_from_world=rig.right_from_left)
-    (by_left, left), (by_right, right) = (slopes_of_camera(eye, in_left) for eye in eyes)
+    cameras = replace(rig.left, camera_from_world=np.eye(4)), replace(rig.right, camera_from_world=rig.right_from_left)
+    (by_left, left), (by_right, right) = (slopes_of_camera(camera, in_left) for camera in cameras)
     by_point = np.concatenate([left, right], axis=1)
     by_numbers = np.zeros((len(points), 4, len(rig.covariance)))
     by_numbers[:, :2, :N_CAMERA_STD], by_numbers[:, 2:, N_CAMERA_STD:] = by_left, by_right
@@ -180,7 +180,7 @@ def calibration_covariances(rig: StereoRig, points: Floats) -> Floats:
 def _of_body(rig: StereoRig, body: BodyTarget, places: Floats, turns: Floats) -> list[ErrorCurve]:
     """Figure 6.2: position of the middle of a target's balls, and its orientation, along the left camera's axes."""
     centred = BodyTarget(body.name, body.points - body.points.mean(axis=0), body.std)
-    covariances = _covariances_where_seen(rig, centred, _placed(turns, places, np.zeros(3)))
+    covariances = _covariances_where_seen(rig, centred, _poses(turns, places, np.zeros(3)))
     shifts = _std_with_sum(_averaged(_in_left(rig, covariances[..., 3:, 3:])))
     turned = _std_with_sum(_averaged(_in_left(rig, covariances[..., :3, :3])))
     return [
@@ -193,7 +193,7 @@ def _of_joint(
     rig: StereoRig, joint: TargetJoint, targets: Mapping[str, BodyTarget], places: Floats, turns: Floats
 ) -> ErrorCurve:
     """Figures 6.3 and 6.4: angles of a joint, each body posed alone, and both held together by the joint."""
-    parents = _placed(turns, places, joint.parent_from_joint[:3, 3])
+    parents = _poses(turns, places, joint.parent_from_joint[:3, 3])
     bends = np.random.default_rng(0).uniform(-LARGEST_BEND, LARGEST_BEND, (len(turns), 3))
     bends *= [0.0, 0.0, 1.0] if joint.kind == HINGE else [1.0, 1.0, 1.0]
     bent = transform_from(matrix_from_vector(bends), np.zeros(3))
@@ -211,7 +211,7 @@ def _of_joint(
     return ErrorCurve(f"angle of {joint.name}", "degrees", columns, std)
 
 
-def _placed(turns: Floats, places: Floats, arm: Floats) -> Floats:
+def _poses(turns: Floats, places: Floats, arm: Floats) -> Floats:
     """Poses in all orientations with a point of the body at all places, shape (n_places, n_turns, 4, 4)."""
     shape = (len(places), len(turns), 3, 3)
     return transform_from(np.broadcast_to(turns, shape), places[:, np.newaxis] - turns @ arm)

@@ -30,14 +30,7 @@ from skelgen._kernels import contiguous
 from skelgen._kernels.rotations import move_pose, write_pose_error
 from skelgen.capture.error_propagation import HINGE, block_diagonal, constraint_slope, rotation_slope
 from skelgen.capture.values import FoundBody
-from skelgen.geometry.rotations import (
-    N_POSE,
-    cross_matrix,
-    matrix_from_vector,
-    moved_pose,
-    nearest_rotation,
-    vector_from_matrix,
-)
+from skelgen.geometry import rotations
 from skelgen.kinematics.joints.angles import angle_deviations, joint_angles
 from skelgen.model import Joint
 from skelgen.model.arrays import Floats
@@ -107,7 +100,7 @@ def find_angles(joint: TargetJoint, bodies: Mapping[str, FoundBody]) -> JointAng
     turn = in_parent[:3, :3].T @ in_child[:3, :3]
     kind, violation = _kinematic(joint.kind), violation_of(joint, poses)
     error, spread = _most_likely(joint, poses, block_diagonal(parent.covariance, child.covariance), violation)
-    held = (matrix_from_vector(-error) @ turn)[np.newaxis]
+    held = (rotations.matrix_from_vector(-error) @ turn)[np.newaxis]
     angles, std = joint_angles(kind, held)[0], angle_deviations(kind, held, spread[np.newaxis])[0]
     return JointAngle(joint.name, angles, std, _residual(turn, in_parent[:3, :3].T @ violation[:3], violation[3:]))
 
@@ -127,15 +120,15 @@ def violation_of(joint: TargetJoint, poses: tuple[Floats, Floats]) -> Floats:
     if joint.kind != "hinge":
         return np.asarray(gap)
     turn = in_parent[:3, :3].T @ in_child[:3, :3]  # of which the least squares angle leaves the tilt
-    left = turn @ matrix_from_vector(-joint_angles(_kinematic(joint.kind), turn[np.newaxis])[0] * _Z)
-    return np.concatenate([gap, vector_from_matrix(left)[:2]])
+    left = turn @ rotations.matrix_from_vector(-joint_angles(_kinematic(joint.kind), turn[np.newaxis])[0] * _Z)
+    return np.concatenate([gap, rotations.vector_from_matrix(left)[:2]])
 
 
 def _residual(turn: Floats, gap: Floats, tilt: Floats) -> float:
     """Mean distance [mm] between the points of both frames after one frame is rotated onto the other."""
     if not len(tilt):
         return float(np.linalg.norm(gap))
-    tilted = matrix_from_vector(np.array([*tilt, 0.0]))
+    tilted = rotations.matrix_from_vector(np.array([*tilt, 0.0]))
     return float(np.linalg.norm(_POINTS @ (turn - tilted.T @ turn).T + gap, axis=1).mean())
 
 
@@ -230,7 +223,7 @@ class TargetChain:
     def __init__(self, joints: Sequence[TargetJoint]) -> None:
         self.joints = tuple(joints)
         self.names = (joints[0].parent, *(joint.child for joint in joints))
-        ends = np.cumsum([N_POSE, *(1 if joint.kind == HINGE else 3 for joint in joints)]).tolist()
+        ends = np.cumsum([rotations.N_POSE, *(1 if joint.kind == HINGE else 3 for joint in joints)]).tolist()
         self.of_joint = [slice(*pair) for pair in pairwise(ends)]
         self.n: int = ends[-1]
         self.paths: dict[str, list[int]] = {self.names[0]: []}
@@ -248,10 +241,10 @@ class TargetChain:
             Rotations [rad] and the root's shift [mm].
         """
         turns = [
-            nearest_rotation(matrix_from_vector(vector_of_joint(joint, step[own])) @ turn)
+            rotations.nearest_rotation(rotations.matrix_from_vector(vector_of_joint(joint, step[own])) @ turn)
             for joint, turn, own in zip(self.joints, state.turns, self.of_joint, strict=True)
         ]
-        return replace(state, root=moved_pose(state.root, step[:N_POSE]), turns=tuple(turns))
+        return replace(state, root=rotations.moved_pose(state.root, step[: rotations.N_POSE]), turns=tuple(turns))
 
     def poses(self, state: ChainState) -> dict[str, Floats]:
         """Return where all targets are, world from body, by name."""
@@ -272,14 +265,14 @@ class TargetChain:
         name : str
             Of the target.
         """
-        slope, place = np.zeros((N_POSE, self.n)), poses[name][:3, 3]
-        slope[:, :N_POSE] = np.eye(N_POSE)
-        slope[3:, :3] = -cross_matrix(place - poses[self.names[0]][:3, 3])
+        slope, place = np.zeros((rotations.N_POSE, self.n)), poses[name][:3, 3]
+        slope[:, : rotations.N_POSE] = np.eye(rotations.N_POSE)
+        slope[3:, :3] = -rotations.cross_matrix(place - poses[self.names[0]][:3, 3])
         for number in self.paths[name]:
             joint, own = self.joints[number], self.of_joint[number]
             frame = poses[joint.parent] @ joint.parent_from_joint
             axes = frame[:3, 2:3] if joint.kind == HINGE else frame[:3, :3]
-            slope[:3, own], slope[3:, own] = axes, -cross_matrix(place - frame[:3, 3]) @ axes
+            slope[:3, own], slope[3:, own] = axes, -rotations.cross_matrix(place - frame[:3, 3]) @ axes
         return slope
 
 
@@ -304,7 +297,7 @@ def pose_error(pose: Floats, found: Floats) -> Floats:
     pose, found : ndarray, shape (4, 4), mm
         World from body, before and after.
     """
-    error = np.empty(N_POSE)
+    error = np.empty(rotations.N_POSE)
     write_pose_error(*contiguous(pose, found, error))
     return error
 

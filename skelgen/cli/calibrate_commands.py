@@ -143,7 +143,7 @@ def _mapping(found: StereoCalibration, output: Path) -> dict[str, object]:
     from skelgen.capture.calibration.stereo import INTRINSIC, intrinsic
     from skelgen.geometry.rotations import vector_from_matrix
 
-    left, right = (intrinsic(eye) for eye in (found.rig.left, found.rig.right))
+    left, right = (intrinsic(camera) for camera in (found.rig.left, found.rig.right))
     return {
         "file": str(output),
         "grade": found.verdict.grade,

@@ -50,16 +50,16 @@ def motion_capture(
     frames: Frames = None,
 ) -> None:
     """Capture live, with two cameras or a room's: write poses and joint angles of every moment, tab-separated."""
-    from skelgen.app.capture import any_source_of, capture
-    from skelgen.app.room import read_rig_settings
+    from skelgen.app.capture import capture, source_of
+    from skelgen.app.room import read_capture_settings
     from skelgen.capture.bodies.prediction import PredictionParameters
     from skelgen.cli.capture_terminal import CaptureColumns, watched_interrupt, watched_keys
     from skelgen.model.rig import RoomSettings
 
-    rig = read_rig_settings(settings)
+    rig = read_capture_settings(settings)
     columns = CaptureColumns(rig, poses=not no_poses, angles=not no_angles, errors=errors)
     prediction = PredictionParameters(joints=predict_joints) if predict or predict_joints else None
-    stream = capture(rig, any_source_of(rig, source), record or (), prediction, frames)
+    stream = capture(rig, source_of(rig, source), record or (), prediction, frames)
     word, cameras = ("sets of images", rig.rig.names) if isinstance(rig, RoomSettings) else ("pairs", ())
     counts = _Counts(record or [], [body.name for body in rig.bodies], word)
     try:
@@ -133,14 +133,14 @@ def calibrate_body(
     import numpy as np
     from skelgen_formats.capture_settings import write_settings
 
-    from skelgen.app.capture import any_source_of, calibrate_body_of
-    from skelgen.app.room import read_rig_settings
+    from skelgen.app.capture import calibrate_body_of, source_of
+    from skelgen.app.room import read_capture_settings
     from skelgen.capture.calibration.body import ball_rows
 
     screen = Screen(quiet, as_json)
-    rig = read_rig_settings(settings)
+    rig = read_capture_settings(settings)
     with screen.watching() as monitor:
-        new, done = calibrate_body_of(rig, any_source_of(rig, source), name, balls, frames, monitor)
+        new, done = calibrate_body_of(rig, source_of(rig, source), name, balls, frames, monitor)
     write_settings(new, output or settings)
     screen.note(done.notices)
     screen.table(f"Target {name}", ball_rows(done.target))
@@ -195,20 +195,20 @@ def calibrate_joints(
     """Calibrate joints: move all of them before the cameras, as far as they go."""
     from skelgen_formats.capture_settings import write_settings
 
-    from skelgen.app.capture import any_source_of, calibrate_joints_of
-    from skelgen.app.room import read_rig_settings
+    from skelgen.app.capture import calibrate_joints_of, source_of
+    from skelgen.app.room import read_capture_settings
     from skelgen.capture.calibration.joints import joint_rows
     from skelgen.capture.values import frames_from_text
 
     screen = Screen(quiet, as_json)
-    rig = read_rig_settings(settings)
+    rig = read_capture_settings(settings)
     requests = _with_starts([_request(text) for text in joints or ()], start or ())
     try:
         used = frames_from_text(use_frames or "")
     except InputError as error:
         raise InputError(f"--use-frames {error}") from error
     with screen.watching() as monitor:
-        new, done = calibrate_joints_of(rig, any_source_of(rig, source), requests, frames, monitor, used)
+        new, done = calibrate_joints_of(rig, source_of(rig, source), requests, frames, monitor, used)
     write_settings(new, output or settings)
     screen.note(done.notices)
     screen.table("Joints", joint_rows(done))

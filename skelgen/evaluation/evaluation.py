@@ -6,21 +6,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from skelgen.errors import InputError
-from skelgen.evaluation.bound import with_limits
-from skelgen.evaluation.joints import JointScore, LengthScore, MarkerScore, score_joints, score_lengths, score_markers
-from skelgen.evaluation.matching import (
-    BodyScore,
-    LabelScore,
-    LimbScore,
-    SpanScore,
-    TopologyScore,
-    find_identity,
-    match_joints,
-    match_limbs,
-    score_bodies,
-    score_limbs,
-    score_spans,
-    score_topology,
+from skelgen.evaluation import matching
+from skelgen.evaluation.joints import (
+    JointScore,
+    LengthScore,
+    MarkerScore,
+    score_joints,
+    score_lengths,
+    score_markers,
+    with_limits,
 )
 from skelgen.model import Poses, Project
 from skelgen.model.arrays import Ints
@@ -54,11 +48,11 @@ class Evaluation:
         One per marker that the skeleton carries.
     """
 
-    labels: LabelScore | None = None
-    limbs: LimbScore | None = None
-    topology: TopologyScore | None = None
-    bodies: BodyScore | None = None
-    spans: SpanScore | None = None
+    labels: matching.LabelScore | None = None
+    limbs: matching.LimbScore | None = None
+    topology: matching.TopologyScore | None = None
+    bodies: matching.BodyScore | None = None
+    spans: matching.SpanScore | None = None
     joints: tuple[JointScore, ...] = ()
     lengths: tuple[LengthScore, ...] = ()
     markers: tuple[MarkerScore, ...] = ()
@@ -146,16 +140,16 @@ def evaluate(project: Project, truth: Truth) -> Evaluation:
         )
     if isinstance(take, Poses):
         return _of_bodies(project, take.names, truth)
-    true_of_marker, labels = find_identity(project, truth)
+    true_of_marker, labels = matching.find_identity(project, truth)
     if not project.has("limbs"):
         return Evaluation(labels)
     limb_of_marker = project.limbs.limb_of_marker
-    limbs = score_limbs(limb_of_marker, true_of_marker, truth)
+    limbs = matching.score_limbs(limb_of_marker, true_of_marker, truth)
     if not project.has("joints"):
         return Evaluation(labels, limbs)
-    true_of_limb = match_limbs(limb_of_marker, true_of_marker, truth)
-    topology = score_topology(project.topology.edges, true_of_limb, truth)
-    bodies = score_bodies(limb_of_marker, project.topology.parents, true_of_marker, truth)
+    true_of_limb = matching.match_limbs(limb_of_marker, true_of_marker, truth)
+    topology = matching.score_topology(project.topology.edges, true_of_limb, truth)
+    bodies = matching.score_bodies(limb_of_marker, project.topology.parents, true_of_marker, truth)
     found = Evaluation(labels, limbs, topology, bodies)
     return _with_motion_scores(found, project, truth, true_of_limb, true_of_marker)
 
@@ -168,8 +162,8 @@ def _of_bodies(project: Project, names: tuple[str, ...], truth: Truth) -> Evalua
     if not project.has("joints"):
         return Evaluation()
     true_of_limb = np.array([truth.limb_names.index(name) for name in names], dtype=np.intp)
-    topology = score_topology(project.topology.edges, true_of_limb, truth)
-    spans = score_spans(project.topology.spans, true_of_limb, truth)
+    topology = matching.score_topology(project.topology.edges, true_of_limb, truth)
+    spans = matching.score_spans(project.topology.spans, true_of_limb, truth)
     return _with_motion_scores(Evaluation(topology=topology, spans=spans), project, truth, true_of_limb, None)
 
 
@@ -177,14 +171,14 @@ def _with_motion_scores(
     found: Evaluation, project: Project, truth: Truth, true_of_limb: Ints, true_of_marker: Ints | None
 ) -> Evaluation:
     """Add the scores of joints, lengths and reconstructed markers, where these are known."""
-    raw_of_joint = match_joints(project.topology.edges, true_of_limb, truth)
+    raw_of_joint = matching.match_joints(project.topology.edges, true_of_limb, truth)
     raw = project.topology.raw_joint_positions
     if not project.has("skeleton"):
         joints = score_joints(raw_of_joint, truth, raw=raw, fitted=None, types=())
         return dataclasses.replace(found, joints=joints)
     skeleton, motion = project.skeleton, project.motion
     edges = np.array([(joint.parent, joint.child) for joint in skeleton.joints], dtype=np.intp).reshape(-1, 2)
-    true_of_joint = match_joints(edges, true_of_limb, truth)
+    true_of_joint = matching.match_joints(edges, true_of_limb, truth)
     same_joints = np.array_equal(true_of_joint, raw_of_joint)
     types = tuple(joint.kind for joint in skeleton.joints)
     fitted = motion.joint_positions

@@ -154,8 +154,12 @@ def find_hierarchy(
     Raises
     ------
     InputError
-        If names are unknown, the parents form a cycle, or two bodies to be joined are not seen together.
+        If the bodies are markers or another value, names are unknown, the parents form a cycle, or two bodies to be
+        joined are not seen together.
     """
+    if not isinstance(poses, Poses):
+        what = "the hierarchy of bodies is found from Poses, and that of markers by skelgen.reconstruct"
+        raise InputError(f"the poses are {type(poses).__name__}: {what}")
     gaps = joint_gaps(poses)
     if isinstance(tree, Mapping):
         parents = parents_from_names(poses.names, tree)

@@ -305,10 +305,10 @@ def with_spacing(structure: Structure, spacing: float) -> Structure:
     spacing : float, mm
         Median distance of a marker from the nearest one of its limb, on every limb that wears two or more.
     """
-    return Structure(structure.name, tuple(_spaced(limb, spacing) for limb in structure.limbs))
+    return Structure(structure.name, tuple(_with_spaced_markers(limb, spacing) for limb in structure.limbs))
 
 
-def _spaced(limb: LimbModel, spacing: float) -> LimbModel:
+def _with_spaced_markers(limb: LimbModel, spacing: float) -> LimbModel:
     if len(limb.markers) < 2:
         return limb
     apart = np.linalg.norm(limb.markers[:, np.newaxis] - limb.markers, axis=2)

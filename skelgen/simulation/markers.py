@@ -186,7 +186,7 @@ def ghosts(positions: Floats, per_frame: float, rng: np.random.Generator) -> tup
     place = rng.random((len(birth), 3))
     box = positions[np.maximum(birth, 0)]
     points = box.min(axis=1) + place * np.ptp(box, axis=1)
-    frames, of_birth = _lived(birth, life, n_frames)
+    frames, of_birth = _lifetimes(birth, life, n_frames)
     return frames, points[of_birth]
 
 
@@ -199,7 +199,7 @@ def _lives(n_frames: int, per_frame: float, frames: tuple[int, int], rng: np.ran
     return birth, rng.integers(shortest, longest + 1, size=n_births)
 
 
-def _lived(birth: Ints, life: Ints, n_frames: int) -> tuple[Ints, Ints]:
+def _lifetimes(birth: Ints, life: Ints, n_frames: int) -> tuple[Ints, Ints]:
     """Frame and number of each birth for every frame of the take that it lives in."""
     of_birth = np.repeat(np.arange(len(birth)), life)
     age = np.arange(len(of_birth)) - np.repeat(np.cumsum(life) - life, life)
@@ -291,7 +291,7 @@ def duplicates(observed: Floats, per_frame: float, rng: np.random.Generator) -> 
     marker = rng.integers(n_markers, size=len(birth))
     direction = rng.normal(size=(len(birth), 3))
     offset = DUPLICATE_OFFSET * direction / np.linalg.norm(direction, axis=1, keepdims=True)
-    frames, of_birth = _lived(birth, life, n_frames)
+    frames, of_birth = _lifetimes(birth, life, n_frames)
     double = np.full(observed.shape, np.nan)  # of two doubles of a marker at a time one is kept
     double[frames, marker[of_birth]] = observed[frames, marker[of_birth]] + offset[of_birth]
     seen_frames, seen_markers = np.nonzero(~np.isnan(double[:, :, 0]))

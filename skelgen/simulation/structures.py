@@ -42,7 +42,7 @@ _TREE_HEIGHT = 1200.0  # mm
 _SMALLEST_SINE = 0.6  # between a hinge's axis and its limb: a limb that spins about itself moves no marker far
 
 
-def _described(name: str, n_markers: int | None = None) -> Structure:
+def _structure_of_table(name: str, n_markers: int | None = None) -> Structure:
     """Return a structure of ``tables/structures.toml``, with as many markers on each limb if a number is given."""
     rows = read_table("structures", _TABLES)[name]
     limbs = []
@@ -177,7 +177,7 @@ def find_structure(name: str, seed: int = 0) -> Structure:
     if name in {"rods", "hand"}:
         return rods_chain() if name == "rods" else hand()
     if name in _DESCRIBED or (kind == "human" and count in {"3", "4", "5"}):
-        return _described(kind, int(count) if count else None)
+        return _structure_of_table(kind, int(count) if count else None)
     if kind == "tree" and count.isascii() and count.isdigit():
         return random_tree(int(count), seed)
     raise ParameterError(f"there is no structure {name!r}; there are {', '.join(STRUCTURE_NAMES)} and human:4")

@@ -105,7 +105,7 @@ def simulate(
         raise ParameterError(f"the structure is {structure!r:.60}; it must be a structure or its name")
     if isinstance(structure, RecordedBody):
         recorded = SimulationParameters(n_frames=len(structure.world_from_limb), rate=structure.rate)
-        scene = _played(structure, _settings(parameters or recorded, options), seed)
+        scene = _recorded_motion(structure, _settings(parameters or recorded, options), seed)
     else:
         settings = _settings(parameters or SimulationParameters(), options)
         make = _living if settings.is_of_person else _moved
@@ -113,9 +113,9 @@ def simulate(
         if settings.hold == "tool":
             bodies.append(_moved(TOOL, settings, seed + _NEXT_SUBJECT))
         if len(bodies) > 1:
-            return _delivered(*_together(bodies))
+            return _simulated_take(*_together(bodies))
         scene = bodies[0]
-    return _delivered(scene, _displaced(scene))
+    return _simulated_take(scene, _soft_tissue_shifts(scene))
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +133,7 @@ class _Scene:
     holds: tuple[Hold, ...] = ()
 
 
-def _played(recorded: RecordedBody, settings: SimulationParameters, seed: int) -> _Scene:
+def _recorded_motion(recorded: RecordedBody, settings: SimulationParameters, seed: int) -> _Scene:
     """Move a body as recorded; the seed is that of the faults alone."""
     _refuse(settings, _OF_RANDOM_MOTION, "random motion; a recorded one is played as it is")
     _refuse(settings, OF_PEOPLE, "the simulated human; bones of a recorded motion get markers_per_limb")
@@ -197,7 +197,7 @@ def _moved(structure: Structure | str, settings: SimulationParameters, seed: int
 
 def _together(bodies: list[_Scene]) -> tuple[_Scene, Floats]:
     """Put bodies side by side into one scene, and say what soft tissue does to the markers of all [mm]."""
-    first, displaced = bodies[0], np.concatenate([_displaced(body) for body in bodies], axis=1)
+    first, displaced = bodies[0], np.concatenate([_soft_tissue_shifts(body) for body in bodies], axis=1)
     apart = first.settings.apart
     everybody = side_by_side([body.body for body in bodies], apart)
     poses, rigid = (np.concatenate([getattr(body, what) for body in bodies], axis=1) for what in ("poses", "rigid"))
@@ -230,7 +230,7 @@ def _settings(parameters: SimulationParameters, options: Mapping[str, ParameterV
     return settings
 
 
-def _displaced(scene: _Scene) -> Floats:
+def _soft_tissue_shifts(scene: _Scene) -> Floats:
     """What soft tissue does to the markers [mm], shape (n_frames, n_markers, 3)."""
     body, settings, rng = scene.body, scene.settings, scene.streams["tissue"]
     if settings.soft_tissue == REALISTIC:
@@ -242,7 +242,7 @@ def _displaced(scene: _Scene) -> Floats:
     return np.zeros_like(scene.rigid)
 
 
-def _observed(scene: _Scene, displaced: Floats) -> Floats:
+def _measured_positions(scene: _Scene, displaced: Floats) -> Floats:
     body, settings, streams, positions = scene.body, scene.settings, scene.streams, scene.rigid + displaced
     observed = positions + settings.noise * streams["noise"].normal(size=positions.shape)
     if settings.n_cameras:
@@ -255,10 +255,10 @@ def _observed(scene: _Scene, displaced: Floats) -> Floats:
     return observed
 
 
-def _delivered(scene: _Scene, displaced: Floats) -> SimulatedTake:
+def _simulated_take(scene: _Scene, displaced: Floats) -> SimulatedTake:
     if scene.settings.sensors:
         return SimulatedTake(_sensor_take(scene), _truth(scene, np.empty(0, dtype=np.intp), displaced))
-    settings, observed = scene.settings, _observed(scene, displaced)
+    settings, observed = scene.settings, _measured_positions(scene, displaced)
     if settings.labelled:
         take = Trajectories(observed, scene.body.marker_names, settings.rate, scene.name)
         return SimulatedTake(take, _truth(scene, np.empty(0, dtype=np.intp), displaced))

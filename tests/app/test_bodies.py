@@ -258,7 +258,7 @@ def test_the_window_exports_each_body_to_a_file_of_its_own(two, tmp_path):
     bvh = next(entry for entry in export_formats() if entry.name == "bvh")
     path = export_path(tmp_path, "take_{body}", bvh)
     named = ["take_body1.bvh", "take_body2.bvh"]
-    assert [planned.path.name for planned in preview_export(two, bvh, path, {}).files] == named
+    assert [planned.name for planned in preview_export(two, bvh, path, {}).files] == named
     assert [file.name for file in export_project(two, bvh, path, {})] == named
     assert sorted(file.name for file in tmp_path.iterdir()) == named
 

@@ -65,9 +65,9 @@ def test_the_files_are_those_of_the_preview(small_project, tmp_path, name, optio
     foretold = preview_export(small_project, entry, path, options)
     assert list(tmp_path.iterdir()) == []
     files = export_project(small_project, entry, path, options)
-    assert [planned.path for planned in foretold.files] == files
+    assert list(foretold.files) == files
     assert sorted(tmp_path.iterdir()) == sorted(files)
-    assert all(planned.exists for planned in preview_export(small_project, entry, path, options).files)
+    assert list(preview_export(small_project, entry, path, options).files) == files
 
 
 @pytest.mark.parametrize("name", NAMES)

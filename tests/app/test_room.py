@@ -13,8 +13,8 @@ pytest.importorskip("cv2")
 
 from skelgen_formats.capture_settings import read_any_settings, write_settings
 
+from skelgen.app.capture import source_of
 from skelgen.app.files import NamedFile, open_input
-from skelgen.app.room import room_source_of
 from skelgen.capture.reference_rig import reference_arm
 from skelgen.capture.room.live import RoomCapture
 from skelgen.capture.room.simulated import person_scene, room_rig
@@ -113,7 +113,7 @@ def test_targets_and_joints_are_calibrated_by_the_cameras_of_a_room(tmp_path, ca
 
 def test_a_source_with_other_cameras_is_told(settings):
     with pytest.raises(InputError, match=r"has 4 cameras \(camera 1, .*the settings have 3"):
-        room_source_of(read_any_settings(settings), "room:human?cameras=4&frames=1")
+        source_of(read_any_settings(settings), "room:human?cameras=4&frames=1")
 
 
 def test_images_of_another_size_are_told(settings):

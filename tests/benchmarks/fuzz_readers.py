@@ -12,19 +12,18 @@ from pathlib import Path
 import numpy as np
 import pandas
 from scipy.io import savemat
-from skelgen_formats.bvh import write_bvh
 from skelgen_formats.capture_settings import read_settings, write_settings
 from skelgen_formats.identities_csv import read_identities
 from skelgen_formats.lines import Sample
 from skelgen_formats.registry import known_formats, read_motion, read_take, write_file
 
 import skelgen
-from skelgen.app.capture import read_capture_settings
 from skelgen.app.configuration import Settings, write_defaults
 from skelgen.app.files import open_input
 from skelgen.app.limb_names import read_hierarchy
 from skelgen.app.outputs import write_outputs
 from skelgen.app.project_file.archive import open_project, save_project
+from skelgen.app.room import read_capture_settings
 from skelgen.app.tables import column_rows, project_tables
 from skelgen.capture.images import opencv, read_image
 from skelgen.capture.simulated_rig import simulated_rig
@@ -190,7 +189,7 @@ def make_seeds(folder: Path) -> None:
     save_project(finished, folder / "finished.skelgen")
     save_project(_still(skelgen.reconstruct(cloud, until="labels")), folder / "labels.skelgen")
     save_project(Project(sensors), folder / "sensors.skelgen")
-    write_bvh(finished, folder / "motion.bvh")
+    write_file(finished, folder / "motion.bvh")
     write_truth(simulated.truth, folder / "rods.truth.npz")
     write_defaults(folder / "config.xml")
     rig = simulated_rig("arm", n_frames=1)

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from skelgen_formats.bvh import write_bvh
 from skelgen_formats.options import Options
 from skelgen_formats.registry import find_format, write_file
 
@@ -45,11 +44,11 @@ def deviation(path, motion, per_mm=1.0) -> float:
 
 
 def test_bones_are_where_the_limbs_are_at_every_frame(project, tmp_path):
-    assert deviation(*write_bvh(project, tmp_path / "walk.bvh"), project.motion) < POSITION_MM
+    assert deviation(*write_file(project, tmp_path / "walk.bvh"), project.motion) < POSITION_MM
 
 
 def test_bones_turn_as_the_limbs_do(project, tmp_path):
-    bones = bones_of_bvh(*write_bvh(project, tmp_path / "walk.bvh"), project.motion.n_frames)
+    bones = bones_of_bvh(*write_file(project, tmp_path / "walk.bvh"), project.motion.n_frames)
     for limb in range(project.skeleton.n_limbs):
         turns = bones[f"limb{limb}"][:, :3, :3]
         # Importers give bones rest poses of their own: the turn since the first frame is what all agree on.
@@ -85,7 +84,7 @@ def test_rate_is_that_wished_and_frames_fall_on_the_old_ones(small_project, tmp_
 
 def test_several_roots_hang_on_one_that_stays_still(make_project, tmp_path):
     project = make_project(parents=(3, -1, 0, -1, 2, 1), n_frames=20)
-    (path,) = write_bvh(project, tmp_path / "walk.bvh")
+    (path,) = write_file(project, tmp_path / "walk.bvh")
     assert deviation(path, project.motion) < POSITION_MM
     root = bvhio.readAsBvh(str(path)).Root
     assert root.Name == "world"
@@ -94,13 +93,13 @@ def test_several_roots_hang_on_one_that_stays_still(make_project, tmp_path):
 
 
 def test_added_or_replaced_offsets_are_the_same_for_bones_that_have_places(make_project, tmp_path):
-    (path,) = write_bvh(make_project(parents=(-1, 0, -1)), tmp_path / "walk.bvh")
+    (path,) = write_file(make_project(parents=(-1, 0, -1)), tmp_path / "walk.bvh")
     for joint, *_ in bvhio.readAsBvh(str(path)).Root.layout():
         assert len(joint.Channels) == 3 or tuple(joint.Offset) == (0.0, 0.0, 0.0)
 
 
 def test_bones_that_carry_no_other_end_as_far_as_their_markers_reach(small_project, tmp_path):
-    root = bvhio.readAsBvh(str(*write_bvh(small_project, tmp_path / "walk.bvh"))).Root
+    root = bvhio.readAsBvh(str(*write_file(small_project, tmp_path / "walk.bvh"))).Root
     skeleton = small_project.skeleton
     for child in root.Children:
         tip = np.array(tuple(child.EndSite))
@@ -113,7 +112,7 @@ def test_limb_without_markers_still_has_an_end(small_project, tmp_path):
     skeleton = small_project.skeleton
     bare = np.where(skeleton.limb_of_marker == 0, -1, skeleton.limb_of_marker)
     project = replace(small_project, _skeleton=replace(skeleton, limb_of_marker=bare))
-    text = write_bvh(project, tmp_path / "walk.bvh")[0].read_text()
+    text = write_file(project, tmp_path / "walk.bvh")[0].read_text()
     assert "OFFSET 0.000000 0.000000 1.000000" in text
 
 
@@ -142,10 +141,10 @@ def test_limbs_that_no_frame_shows_to_turn_are_named_and_not_counted_as_interpol
 
 def test_take_and_project_without_frames_are_refused(small_project, tmp_path):
     with pytest.raises(WriteError, match="not a take"):
-        write_bvh(small_project.trajectories, tmp_path / "walk.bvh")
+        write_file(small_project.trajectories, tmp_path / "walk.bvh")
     motion = small_project.motion
     fields = ("world_from_limb", "joint_positions", "marker_positions", "residuals", "limb_seen")
     empty = Motion(**{**vars(motion), **{name: getattr(motion, name)[:0] for name in fields}})
     with pytest.raises(WriteError, match="one limb and one frame"):
-        write_bvh(replace(small_project, _motion=empty), tmp_path / "walk.bvh")
+        write_file(replace(small_project, _motion=empty), tmp_path / "walk.bvh")
     assert list(tmp_path.iterdir()) == []

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from skelgen_formats.bvh import write_bvh
-from skelgen_formats.registry import read_motion, recognise
+from skelgen_formats.registry import read_motion, recognise, write_file
 
 from skelgen.errors import FormatError, ParameterError
 
@@ -104,7 +103,7 @@ def test_turns_are_those_of_bvhio(written):
 
 
 def test_our_own_files_come_back(small_project, tmp_path):
-    (path,) = write_bvh(small_project, tmp_path / "walk.bvh")
+    (path,) = write_file(small_project, tmp_path / "walk.bvh")
     motion, poses = read_motion(path, unit="mm"), small_project.motion.world_from_limb
     for bone, name in enumerate(motion.names):
         back = motion.world_from_bone[:, bone, :3, 3]
@@ -113,7 +112,7 @@ def test_our_own_files_come_back(small_project, tmp_path):
 
 def test_several_roots_come_back_under_the_world(make_project, tmp_path):
     project = make_project(parents=(3, -1, 0, -1, 2, 1), n_frames=20)
-    (path,) = write_bvh(project, tmp_path / "walk.bvh")
+    (path,) = write_file(project, tmp_path / "walk.bvh")
     assert deviation(read_motion(path, unit="mm"), path) < POSITION_MM
 
 
@@ -153,7 +152,7 @@ def test_lengths_are_in_the_unit_stated(written, unit, factor):
 @pytest.mark.parametrize("factor", [1.0, 0.1, 0.001])
 def test_unit_is_told_from_the_size_of_the_body_and_said(small_project, tmp_path, factor):
     unit = {1.0: "mm", 0.1: "cm", 0.001: "m"}[factor]
-    (path,) = write_bvh(small_project, tmp_path / "walk.bvh", unit=unit)
+    (path,) = write_file(small_project, tmp_path / "walk.bvh", unit=unit)
     (said,) = read_motion(path).notices
     assert f"taken as {unit}," in said
 

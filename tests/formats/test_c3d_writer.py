@@ -79,11 +79,11 @@ def test_frames_may_follow_after_the_counts_are_settled():
     stream = C3dStream(content, take.names, take.rate, "mm")
     for frame in take.positions:
         stream.append(point_words(frame[np.newaxis]))
-        stream.settle()
+        stream.complete_header()
     whole = io.BytesIO()
     at_once = C3dStream(whole, take.names, take.rate, "mm")
     at_once.append(point_words(take.positions))
-    at_once.settle()
+    at_once.complete_header()
     assert content.getvalue() == whole.getvalue()
 
 

@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from lxml import etree
-from skelgen_formats.cal3d import write_cal3d
 from skelgen_formats.registry import write_file
 
 from skelgen.errors import WriteError
@@ -57,20 +56,20 @@ def project(request, make_project):
 def test_comments_on_joints_left_open_do_not_disturb_the_loader(loader, small_project, tmp_path):
     joints = tuple(replace(joint, open_directions=3, name="hip -- über") for joint in small_project.skeleton.joints)
     marked = replace(small_project, _skeleton=replace(small_project.skeleton, joints=joints))
-    files = write_cal3d(marked, tmp_path / "walk.xsf")
+    files = write_file(marked, tmp_path / "walk.xsf")
     assert files[0].read_text().endswith("hip - &#252;ber.-->\n")
-    truth = play(loader, write_cal3d(small_project, tmp_path / "plain.xsf"), marked.motion.times)
+    truth = play(loader, write_file(small_project, tmp_path / "plain.xsf"), marked.motion.times)
     np.testing.assert_array_equal(play(loader, files, marked.motion.times), truth)
 
 
 def test_bones_are_where_the_limbs_are_at_every_frame(loader, project, tmp_path):
-    played = play(loader, write_cal3d(project, tmp_path / "walk.xsf"), project.motion.times)
+    played = play(loader, write_file(project, tmp_path / "walk.xsf"), project.motion.times)
     truth = project.motion.world_from_limb[:, project.skeleton.outward][..., :3, 3]
     assert np.abs(played[..., :3] - truth).max() < POSITION_MM
 
 
 def test_bones_are_turned_as_the_limbs_are_at_every_frame(loader, project, tmp_path):
-    x, y, z, w = np.moveaxis(play(loader, write_cal3d(project, tmp_path / "walk.xsf"), project.motion.times), -1, 0)[3:]
+    x, y, z, w = np.moveaxis(play(loader, write_file(project, tmp_path / "walk.xsf"), project.motion.times), -1, 0)[3:]
     # Cal3D turns e_x as q* e_x q: the first column of the usual matrix of the conjugate.
     turned = np.stack([1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)], axis=-1)
     truth = project.motion.world_from_limb[:, project.skeleton.outward][..., :3, 0]
@@ -79,14 +78,14 @@ def test_bones_are_turned_as_the_limbs_are_at_every_frame(loader, project, tmp_p
 
 def test_root_moves_in_a_straight_line_between_the_keys(loader, small_project, tmp_path):
     times = small_project.motion.times
-    played = play(loader, write_cal3d(small_project, tmp_path / "walk.xsf"), (times[:-1] + times[1:]) / 2)
+    played = play(loader, write_file(small_project, tmp_path / "walk.xsf"), (times[:-1] + times[1:]) / 2)
     roots = small_project.motion.world_from_limb[:, small_project.skeleton.roots[0], :3, 3]
     assert np.abs(played[:, 0, :3] - (roots[:-1] + roots[1:]) / 2).max() < POSITION_MM
 
 
 def test_child_stays_on_its_joint_between_the_keys(loader, small_project, tmp_path):
     times = np.linspace(0, small_project.motion.times[-1], 50)
-    played = play(loader, write_cal3d(small_project, tmp_path / "walk.xsf"), times)[..., :3]
+    played = play(loader, write_file(small_project, tmp_path / "walk.xsf"), times)[..., :3]
     for bone, joint in enumerate(small_project.skeleton.joints, start=1):  # all hang on the root, which is bone 0
         apart = np.linalg.norm(played[:, bone] - played[:, 0], axis=1)
         assert np.abs(apart - np.linalg.norm(joint.position_in_parent)).max() < POSITION_MM
@@ -100,7 +99,7 @@ def test_both_files_are_written_whichever_is_named(small_project, tmp_path):
 
 
 def test_skeleton_has_header_bones_parents_first_and_the_inverse_bind_pose(small_project, tmp_path):
-    text = write_cal3d(small_project, tmp_path / "walk.xsf")[0].read_text()
+    text = write_file(small_project, tmp_path / "walk.xsf")[0].read_text()
     header, skeleton = etree.fromstring(f"<both>{text}</both>")
     assert header.attrib == {"MAGIC": "XSF", "VERSION": "910"}
     assert [bone.get("NAME") for bone in skeleton] == ["limb1", "limb0", "limb2"]
@@ -115,10 +114,10 @@ def test_number_beyond_single_precision_is_refused_and_leaves_nothing(small_proj
     poses[3, 1, 0, 3] = 1e39
     motion = Motion(**{**vars(small_project.motion), "world_from_limb": poses})
     with pytest.raises(WriteError, match="single precision"):
-        write_cal3d(replace(small_project, _motion=motion), tmp_path / "walk.xsf")
+        write_file(replace(small_project, _motion=motion), tmp_path / "walk.xsf")
     assert list(tmp_path.iterdir()) == []
 
 
 def test_take_is_refused(small_project, tmp_path):
     with pytest.raises(WriteError, match="not a take"):
-        write_cal3d(small_project.trajectories, tmp_path / "walk.xsf")
+        write_file(small_project.trajectories, tmp_path / "walk.xsf")

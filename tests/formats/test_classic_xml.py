@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from lxml import etree
-from skelgen_formats.classic_xml import read_classic_xml, write_classic_xml
+from skelgen_formats.classic_xml import read_classic_xml
 from skelgen_formats.registry import read_take, write_file
 
 import skelgen
@@ -23,9 +23,13 @@ NANOMETRE = 2e-6  # mm; ten digits of places within ten metres, some bones deep
 KB_PER_MB = 1024  # ru_maxrss counts kilobytes
 
 
+def written(value, path, detail="all"):
+    return write_file(value, path, xml_detail=detail)
+
+
 @pytest.fixture(scope="module")
 def file(small_project, tmp_path_factory):
-    return write_classic_xml(small_project, tmp_path_factory.mktemp("xml") / "walk.xml")[0]
+    return written(small_project, tmp_path_factory.mktemp("xml") / "walk.xml")[0]
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +65,7 @@ def test_motion_comes_back(file, small_project):
 
 @pytest.mark.parametrize("detail", ["motion", "joints"])
 def test_less_detail_holds_the_same_motion_in_a_fraction_of_the_size(file, small_project, tmp_path, detail):
-    short = write_classic_xml(small_project, tmp_path / "short.xml", detail=detail)[0]
+    short = written(small_project, tmp_path / "short.xml", detail=detail)[0]
     back, made = read_classic_xml(short), small_project.motion
     assert back.detail == detail
     np.testing.assert_allclose(back.motion.world_from_limb, made.world_from_limb, rtol=0, atol=1e-5)
@@ -82,7 +86,7 @@ def test_project_is_written_with_little_detail_unless_more_is_asked_for(small_pr
 
 def test_weight_in_the_statistics_is_that_of_the_value_beside_it(small_project, tmp_path):
     project = replace(small_project, _topology=replace(small_project.topology, alpha=0.1, final_alpha=0.3))
-    stats = read_classic_xml(write_classic_xml(project, tmp_path / "a.xml")[0]).joint_stats
+    stats = read_classic_xml(written(project, tmp_path / "a.xml")[0]).joint_stats
     assert {one.alpha for one in stats} == {0.3}
 
 
@@ -108,7 +112,7 @@ def test_names_of_limbs_and_joints_come_back(small_project, tmp_path):
     skeleton = replace(small_project.skeleton, joints=(first, *small_project.skeleton.joints[1:]))
     project = small_project.with_skeleton(skeleton, small_project.motion, StageReport())
     project = project.with_limb_names(("left forearm", "chest & neck", "Schläger"))
-    back = read_classic_xml(write_classic_xml(project, tmp_path / "named.xml")[0]).skeleton
+    back = read_classic_xml(written(project, tmp_path / "named.xml")[0]).skeleton
     assert back.limb_names == project.skeleton.limb_names
     assert [joint.name for joint in back.joints] == [first.name, ""]
     assert back.joint_names == project.skeleton.joint_names
@@ -140,7 +144,7 @@ def test_deviations_that_were_not_estimated_are_not_there(small_project, tmp_pat
     joints = tuple(replace(joint, **bare) for joint in small_project.skeleton.joints)
     skeleton = replace(small_project.skeleton, joints=joints, offset_std=None, marker_noise=None)
     project = small_project.with_skeleton(skeleton, small_project.motion, StageReport())
-    back = read_classic_xml(write_classic_xml(project, tmp_path / "bare.xml")[0]).skeleton
+    back = read_classic_xml(written(project, tmp_path / "bare.xml")[0]).skeleton
     assert back.offset_std is None
     assert back.joints[0].covariance is None
     assert back.joints[0].std_in_child is None
@@ -152,7 +156,7 @@ def test_both_axes_of_a_universal_joint_come_back(small_project, tmp_path):
     joints = (replace(first, kind="universal", **axes), *others)
     skeleton = replace(small_project.skeleton, joints=joints)
     project = small_project.with_skeleton(skeleton, small_project.motion, StageReport())
-    back = read_classic_xml(write_classic_xml(project, tmp_path / "two.xml")[0]).skeleton.joints
+    back = read_classic_xml(written(project, tmp_path / "two.xml")[0]).skeleton.joints
     assert back[0].kind == "universal"
     assert_close(back[0].axis, axes["axis"])
     assert_close(back[0].second_axis, axes["second_axis"])
@@ -169,7 +173,7 @@ def test_tracked_markers_come_back_exactly_with_their_names_and_gaps(file, small
 def test_directions_that_motion_leaves_open_come_back(small_project, tmp_path):
     joints = tuple(replace(joint, open_directions=2) for joint in small_project.skeleton.joints)
     project = replace(small_project, _skeleton=replace(small_project.skeleton, joints=joints))
-    back = read_classic_xml(write_classic_xml(project, tmp_path / "open.xml")[0]).skeleton.joints
+    back = read_classic_xml(written(project, tmp_path / "open.xml")[0]).skeleton.joints
     assert {joint.open_directions for joint in back} == {2}
     assert not any(joint.is_determined for joint in back)
 
@@ -177,8 +181,8 @@ def test_directions_that_motion_leaves_open_come_back(small_project, tmp_path):
 def test_joints_that_the_marker_set_places_come_back_as_such(small_project, tmp_path):
     first, *others = small_project.skeleton.joints
     skeleton = replace(small_project.skeleton, joints=(replace(first, is_placed_by_marker_set=True), *others))
-    written = write_classic_xml(replace(small_project, _skeleton=skeleton), tmp_path / "set.xml")[0]
-    back = [joint.is_placed_by_marker_set for joint in read_classic_xml(written).skeleton.joints]
+    file = written(replace(small_project, _skeleton=skeleton), tmp_path / "set.xml")[0]
+    back = [joint.is_placed_by_marker_set for joint in read_classic_xml(file).skeleton.joints]
     assert back == [True, *[False] * len(others)]
 
 
@@ -231,7 +235,7 @@ def test_statistics_are_mean_and_deviation_of_marker_joint_distances(file, small
 
 def test_several_roots_and_a_single_frame_come_back(make_project, tmp_path):
     project = make_project(parents=(-1, 0, -1, 2), n_frames=1)
-    back = read_classic_xml(write_classic_xml(project, tmp_path / "two.xml")[0])
+    back = read_classic_xml(written(project, tmp_path / "two.xml")[0])
     assert_close(back.motion.world_from_limb, project.motion.world_from_limb)
     assert_close(back.skeleton.reference_pose, project.skeleton.reference_pose)
 
@@ -257,15 +261,15 @@ def test_name_that_xml_cannot_hold_is_refused_and_leaves_nothing(small_project, 
     take = replace(small_project.trajectories, names=("bad\x00", *small_project.trajectories.names[1:]))
     project = replace(small_project, _trajectories=take)
     with pytest.raises(WriteError, match="XML forbids"):
-        write_classic_xml(project, tmp_path / "x.xml")
+        written(project, tmp_path / "x.xml")
     assert list(tmp_path.iterdir()) == []
 
 
 def test_take_without_skeleton_is_refused(small_project, tmp_path):
     with pytest.raises(WriteError, match="run the four stages"):
-        write_classic_xml(small_project.trajectories, tmp_path / "x.xml")
+        written(small_project.trajectories, tmp_path / "x.xml")
     with pytest.raises(MissingResultError):
-        write_classic_xml(Project(small_project.trajectories), tmp_path / "x.xml")
+        written(Project(small_project.trajectories), tmp_path / "x.xml")
 
 
 BROKEN = {
@@ -349,7 +353,7 @@ print(peak() - before, path.stat().st_size // 1024, "scipy" in sys.modules)
 
 
 def test_reading_takes_a_fraction_of_the_size_of_the_file(make_project, tmp_path):
-    path = write_classic_xml(make_project(n_frames=2000), tmp_path / "long.xml")[0]
+    path = written(make_project(n_frames=2000), tmp_path / "long.xml")[0]
     run = [sys.executable, "-c", MEMORY_SCRIPT, str(path)]
     grown, size, scipy = subprocess.run(run, capture_output=True, text=True, check=True).stdout.split()
     assert int(size) > 10 * KB_PER_MB
@@ -360,7 +364,7 @@ def test_reading_takes_a_fraction_of_the_size_of_the_file(make_project, tmp_path
 def test_writing_takes_a_fraction_of_the_size_of_the_file(make_project, tmp_path):
     project = make_project(n_frames=2000)
     tracemalloc.start()
-    path = write_classic_xml(project, tmp_path / "long.xml")[0]
+    path = written(project, tmp_path / "long.xml")[0]
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak < path.stat().st_size / 4

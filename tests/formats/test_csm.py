@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from skelgen_formats.csm import read_csm, write_csm
+from skelgen_formats.csm import read_csm
 from skelgen_formats.registry import read_take, write_file
 
 from skelgen.errors import WriteError
@@ -101,5 +101,5 @@ def test_name_of_which_nothing_is_left_cannot_be_written(tmp_path):
 def test_every_float_survives_the_text(tmp_path_factory, numbers):
     path = tmp_path_factory.mktemp("csm") / "exact.csm"
     take = Trajectories(np.array([[numbers]]), ("a",), 120.0)
-    write_csm(take, path)
+    write_file(take, path)
     np.testing.assert_array_equal(read_csm(path).positions, take.positions)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 from lxml import etree
-from skelgen_formats.mfml import read_mfml, write_mfml
+from skelgen_formats.mfml import read_mfml
 from skelgen_formats.registry import write_file
 
 PAGES = Path(__file__).parents[2] / "docs" / "file-formats"
@@ -33,7 +33,7 @@ def test_documented_bytes_of_mfml_are_what_the_page_says_they_are(tmp_path):
 
 def test_writer_makes_the_documented_bytes_of_mfml(tmp_path):
     (tmp_path / "two.mfml").write_bytes(documented_bytes())
-    write_mfml(read_mfml(tmp_path / "two.mfml"), tmp_path / "again.mfml")
+    write_file(read_mfml(tmp_path / "two.mfml"), tmp_path / "again.mfml")
     assert (tmp_path / "again.mfml").read_bytes() == documented_bytes()
 
 

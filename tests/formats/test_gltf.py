@@ -12,12 +12,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from skelgen_formats.bones import bone_end, limb_from_bone
-from skelgen_formats.gltf import write_gltf
 from skelgen_formats.options import Options
 from skelgen_formats.registry import find_format, write_file
 
 from skelgen.benchmark.judges import GltfPoses
 from skelgen.errors import WriteError
+from skelgen.geometry.up_axis import AS_RECORDED
 
 pygltflib = pytest.importorskip("pygltflib", reason="pip install pygltflib, which reads what is judged")
 
@@ -49,6 +49,11 @@ def validated():
 CASES = ["one root in the middle", "two roots, deep", "a single frame", "a single limb", "no markers"]
 
 
+def written(project, path):
+    """The files of a project as it stands, whatever is up."""
+    return write_file(project, path, axes=AS_RECORDED)
+
+
 def without_markers(project):
     bare = np.full_like(project.skeleton.limb_of_marker, -1)
     return replace(project, _skeleton=replace(project.skeleton, limb_of_marker=bare))
@@ -71,27 +76,27 @@ def project(request, make_project):
 
 
 def test_validator_finds_neither_error_nor_warning(validated, project, tmp_path):
-    issues = validated(*write_gltf(project, tmp_path / "walk.glb"))["issues"]
+    issues = validated(*written(project, tmp_path / "walk.glb"))["issues"]
     assert (issues["numErrors"], issues["numWarnings"]) == (0, 0), issues["messages"]
     assert {message["code"] for message in issues["messages"]} <= {"UNUSED_OBJECT"}  # a skin that no markers need
 
 
 def test_validator_reads_what_was_written(validated, make_project, tmp_path):
-    info = validated(*write_gltf(make_project(n_frames=30), tmp_path / "walk.glb"))["info"]
+    info = validated(*written(make_project(n_frames=30), tmp_path / "walk.glb"))["info"]
     assert info["animationCount"] == 1
     assert info["hasSkins"]
     assert info["totalVertexCount"] == 9
 
 
 def test_nodes_are_where_the_limbs_are_at_every_frame(project, tmp_path):
-    posed = limbs_of(GltfPoses(*write_gltf(project, tmp_path / "walk.glb")), project)
+    posed = limbs_of(GltfPoses(*written(project, tmp_path / "walk.glb")), project)
     assert np.abs(posed[..., :3, 3] * 1000 - project.motion.world_from_limb[..., :3, 3]).max() < POSITION_MM
     turned = project.motion.rotations @ limb_from_bone(project.skeleton)
     assert np.abs(posed[..., :3, :3] - turned).max() < 1e-6  # single precision, some bones deep
 
 
 def test_y_axes_point_along_the_limbs_and_those_that_carry_none_have_an_end(project, tmp_path):
-    reader = GltfPoses(*write_gltf(project, tmp_path / "walk.glb"))
+    reader = GltfPoses(*written(project, tmp_path / "walk.glb"))
     names = [node.name for node in reader.gltf.nodes]
     posed = reader.world_from_node()
     for limb in range(project.skeleton.n_limbs):
@@ -107,18 +112,18 @@ def test_y_axes_point_along_the_limbs_and_those_that_carry_none_have_an_end(proj
 
 def test_points_are_where_the_skeleton_has_the_markers(make_project, tmp_path):
     project = make_project(parents=(3, -1, 0, -1, 2, 1), n_frames=40)
-    points = GltfPoses(*write_gltf(project, tmp_path / "walk.glb")).points()
+    points = GltfPoses(*written(project, tmp_path / "walk.glb")).points()
     assert np.abs(points * 1000 - project.motion.marker_positions[:, :-1]).max() < POSITION_MM
 
 
 def test_keys_are_at_the_frames(make_project, tmp_path):
     project = make_project(n_frames=40, rate=59.94)
-    reader = GltfPoses(*write_gltf(project, tmp_path / "walk.glb"))
+    reader = GltfPoses(*written(project, tmp_path / "walk.glb"))
     np.testing.assert_allclose(reader.times, project.motion.times, rtol=1e-7, atol=0)  # single precision
 
 
 def test_rotations_take_the_short_way_between_keys(make_project, tmp_path):
-    reader = GltfPoses(*write_gltf(make_project(n_frames=60), tmp_path / "walk.glb"))
+    reader = GltfPoses(*written(make_project(n_frames=60), tmp_path / "walk.glb"))
     for channel in reader.animation.channels:
         if channel.target.path == "rotation":
             quaternions = reader.values(reader.animation.samplers[channel.sampler].output)
@@ -142,7 +147,7 @@ def test_turned_axes_and_another_rate_are_obeyed(small_project, validated, tmp_p
 
 
 def test_names_kinds_and_deviations_stand_beside(small_project, tmp_path):
-    gltf = GltfPoses(*write_gltf(small_project, tmp_path / "walk.glb")).gltf
+    gltf = GltfPoses(*written(small_project, tmp_path / "walk.glb")).gltf
     names = small_project.trajectories.names
     assert gltf.meshes[0].extras["marker_names"] == list(names[:-1])
     bones = {node.name: node for node in gltf.nodes}
@@ -163,7 +168,7 @@ def test_number_beyond_single_precision_is_refused_and_leaves_nothing(small_proj
     poses[3, 1, 0, 3] = 1e39
     motion = replace(small_project.motion, world_from_limb=poses)
     with pytest.raises(WriteError, match="single precision"):
-        write_gltf(replace(small_project, _motion=motion), tmp_path / "walk.glb")
+        written(replace(small_project, _motion=motion), tmp_path / "walk.glb")
     assert list(tmp_path.iterdir()) == []
 
 
@@ -190,4 +195,4 @@ def test_what_is_not_told_is_said(make_project, standing_project):
 
 def test_take_is_refused(small_project, tmp_path):
     with pytest.raises(WriteError, match="not a take"):
-        write_gltf(small_project.trajectories, tmp_path / "walk.glb")
+        written(small_project.trajectories, tmp_path / "walk.glb")

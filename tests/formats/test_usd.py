@@ -10,7 +10,6 @@ import pytest
 from skelgen_formats.bones import bone_end, limb_from_bone
 from skelgen_formats.options import Options
 from skelgen_formats.registry import find_format, write_file
-from skelgen_formats.usd import write_usd
 
 from skelgen.benchmark.judges import bones_of_usd
 from skelgen.errors import WriteError
@@ -45,11 +44,11 @@ def project(request, make_project):
 
 @pytest.mark.parametrize("suffix", [".usdc", ".usda", ".usd"])
 def test_joints_are_where_the_limbs_are_at_every_frame(project, tmp_path, suffix):
-    assert deviation(*write_usd(project, tmp_path / f"walk{suffix}"), project.motion) < POSITION_MM
+    assert deviation(*write_file(project, tmp_path / f"walk{suffix}"), project.motion) < POSITION_MM
 
 
 def test_joints_turn_as_the_limbs_do(project, tmp_path):
-    bones = bones_of_usd(*write_usd(project, tmp_path / "walk.usdc"))
+    bones = bones_of_usd(*write_file(project, tmp_path / "walk.usdc"))
     for limb in range(project.skeleton.n_limbs):
         # Single precision, some bones deep.
         turned = project.motion.rotations[:, limb] @ limb_from_bone(project.skeleton)[limb]
@@ -57,7 +56,7 @@ def test_joints_turn_as_the_limbs_do(project, tmp_path):
 
 
 def test_y_axes_point_along_the_limbs_and_those_that_carry_none_have_an_end(project, tmp_path):
-    bones = bones_of_usd(*write_usd(project, tmp_path / "walk.usdc"))
+    bones = bones_of_usd(*write_file(project, tmp_path / "walk.usdc"))
     for limb in range(project.skeleton.n_limbs):
         end = project.motion.rotations[:, limb] @ bone_end(project.skeleton, limb)
         along = bones[f"limb{limb}"][:, :3, 1]
@@ -101,7 +100,7 @@ def test_rate_and_duration_are_stated_and_frames_fall_on_the_old_ones(small_proj
 
 
 def test_markers_are_the_measured_ones_and_gaps_stay(small_project, tmp_path):
-    stage = Usd.Stage.Open(str(*write_usd(small_project, tmp_path / "walk.usdc")))
+    stage = Usd.Stage.Open(str(*write_file(small_project, tmp_path / "walk.usdc")))
     points = UsdGeom.Points.Get(stage, "/body/markers")
     names = list(points.GetPrim().GetAttribute("skelgen:markerNames").Get())
     assert names == list(small_project.trajectories.names)
@@ -114,14 +113,14 @@ def test_markers_are_the_measured_ones_and_gaps_stay(small_project, tmp_path):
 
 def test_limbs_and_joints_are_called_beside_as_they_are_called(small_project, tmp_path):
     named = small_project.with_limb_names(("linker Fuß", "Rumpf", "rechter Fuß"))
-    stage = Usd.Stage.Open(str(*write_usd(named, tmp_path / "walk.usdc")))
+    stage = Usd.Stage.Open(str(*write_file(named, tmp_path / "walk.usdc")))
     prim = stage.GetPrimAtPath("/body/skeleton")
     assert list(prim.GetAttribute("skelgen:limbNames").Get()) == ["Rumpf", "linker Fuß", "rechter Fuß"]
     assert list(prim.GetAttribute("skelgen:jointNames").Get()) == ["", "Rumpf-linker Fuß", "Rumpf-rechter Fuß"]
 
 
 def test_kinds_and_deviations_stand_beside(small_project, tmp_path):
-    stage = Usd.Stage.Open(str(*write_usd(small_project, tmp_path / "walk.usdc")))
+    stage = Usd.Stage.Open(str(*write_file(small_project, tmp_path / "walk.usdc")))
     prim = stage.GetPrimAtPath("/body/skeleton")
     assert list(UsdSkel.Skeleton(prim).GetJointsAttr().Get()) == [
         "limb1",
@@ -141,7 +140,7 @@ def test_kinds_and_deviations_stand_beside(small_project, tmp_path):
 
 
 def test_usd_s_own_checker_finds_nothing(small_project, tmp_path):
-    stage = Usd.Stage.Open(str(*write_usd(small_project, tmp_path / "walk.usdc")))
+    stage = Usd.Stage.Open(str(*write_file(small_project, tmp_path / "walk.usdc")))
     validation = pytest.importorskip("pxr.UsdValidation", reason="USD before 25 validates otherwise")
     every = validation.ValidationRegistry().GetOrLoadAllValidators()
     found = validation.ValidationContext(every).Validate(stage)
@@ -150,7 +149,7 @@ def test_usd_s_own_checker_finds_nothing(small_project, tmp_path):
 
 def test_marker_that_is_never_seen_hinders_nothing(small_project, tmp_path):
     blind = replace(small_project.trajectories, positions=np.full_like(small_project.trajectories.positions, np.nan))
-    (path,) = write_usd(replace(small_project, _trajectories=blind), tmp_path / "walk.usdc")
+    (path,) = write_file(replace(small_project, _trajectories=blind), tmp_path / "walk.usdc")
     assert deviation(path, small_project.motion) < POSITION_MM
 
 
@@ -158,7 +157,7 @@ def test_missing_library_is_said_before_and_while_writing(small_project, tmp_pat
     monkeypatch.setitem(sys.modules, "pxr", None)
     for attempt in (
         lambda: find_format("usd").check(small_project, Options()),
-        lambda: write_usd(small_project, tmp_path / "w.usdc"),
+        lambda: write_file(small_project, tmp_path / "w.usdc"),
     ):
         with pytest.raises(WriteError, match=r"pip install 'skelgen-mocap\[usd\]'"):
             attempt()
@@ -168,7 +167,7 @@ def test_full_disk_is_said_and_leaves_nothing(make_project, full_disk, tmp_path)
     project = make_project(n_frames=400)
     for suffix in (".usda", ".usdc"):
         with full_disk(4096), pytest.raises(WriteError, match=r"walk.usd.: cannot be written"):
-            write_usd(project, tmp_path / f"walk{suffix}")
+            write_file(project, tmp_path / f"walk{suffix}")
         assert list(tmp_path.iterdir()) == []
 
 
@@ -177,7 +176,7 @@ def test_number_beyond_single_precision_is_refused(small_project, tmp_path):
     poses[3, 1, 0, 3] = 1e39
     motion = replace(small_project.motion, world_from_limb=poses)
     with pytest.raises(WriteError, match="single precision"):
-        write_usd(replace(small_project, _motion=motion), tmp_path / "walk.usdc")
+        write_file(replace(small_project, _motion=motion), tmp_path / "walk.usdc")
 
 
 def test_axis_taken_for_up_is_said(make_project, small_project, standing_project):
@@ -189,4 +188,4 @@ def test_axis_taken_for_up_is_said(make_project, small_project, standing_project
 
 def test_take_is_refused(small_project, tmp_path):
     with pytest.raises(WriteError, match="not a take"):
-        write_usd(small_project.trajectories, tmp_path / "walk.usdc")
+        write_file(small_project.trajectories, tmp_path / "walk.usdc")

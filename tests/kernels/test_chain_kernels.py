@@ -10,7 +10,7 @@ import pytest
 from skelgen._kernels.chain import markers_of, origins_of, turned_back, variances_across
 from skelgen._kernels.information import add_frames
 from skelgen._kernels.posing import solve_frames
-from skelgen.evaluation.bound import true_chain
+from skelgen.evaluation.joints import true_chain
 from skelgen.geometry.rotations import matrix_from_vector
 from skelgen.kinematics.calibration.uncertainty import joint_slopes
 from skelgen.kinematics.chain.articulation import Articulation

@@ -85,6 +85,11 @@ def test_impossible_hierarchies_are_refused(sensors, parents):
         find_hierarchy(sensors("rods").poses, parents)
 
 
+def test_markers_are_refused_with_what_finds_theirs():
+    with pytest.raises(InputError, match="the poses are Trajectories"):
+        find_hierarchy(simulate("rods", n_frames=5).take)
+
+
 def test_playback_without_residual_holds_all_joints_together(sensors):
     case = sensors("human", 2, **NOISE)
     found = find_hierarchy(case.poses)

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from skelgen_formats.bones import bone_names
-from skelgen_formats.bvh import write_bvh
-from skelgen_formats.registry import read_motion
+from skelgen_formats.registry import read_motion, write_file
 
 import skelgen
 from skelgen.errors import InputError, ParameterError
@@ -171,7 +170,7 @@ def test_what_cannot_be_simulated_is_refused():
 def test_simulated_human_comes_back_from_its_own_bvh(tmp_path):
     first = simulate("human", n_frames=200, seed=2)
     project = skelgen.reconstruct(first.take)
-    (path,) = write_bvh(project, tmp_path / "human.bvh")
+    (path,) = write_file(project, tmp_path / "human.bvh")
     second = simulate(recorded_body(read_motion(path)), noise=0.3)
     limbs = [bone_names(project.skeleton).index(name) for name in second.truth.limb_names]
     places = project.motion.world_from_limb[:, limbs][..., :3, 3]

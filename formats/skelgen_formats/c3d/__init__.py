@@ -13,7 +13,7 @@ import numpy as np
 
 from skelgen.model import Project
 from skelgen.model.filled import Filled, PositionSource
-from skelgen.progress import SILENT, Monitor
+from skelgen.progress import Monitor
 from skelgen_formats.c3d.companions import companions_of
 from skelgen_formats.c3d.layout import MAGIC, MOST_HEADER_FRAMES
 from skelgen_formats.c3d.reader import read_c3d
@@ -41,38 +41,18 @@ from skelgen_formats.writing import (
     write_table,
 )
 
-__all__ = ["C3D", "C3D_JOINTS", "read_c3d", "write_c3d", "write_c3d_joints"]
-
-PLAIN = Options()
-"""Options of a file in mm with what was measured."""
+__all__ = ["C3D", "C3D_JOINTS", "read_c3d"]
 
 _TITLE, _JOINTS_TITLE = "C3D", "C3D with joints"
 _FIRST_PRINTABLE = 0x20  # block numbers lie below; above, "P" as second byte is text
 
 
-def write_c3d(value: Writable, path: Path, options: Options = PLAIN, monitor: Monitor = SILENT) -> list[Path]:
+def _write(value: Writable, path: Path, options: Options, monitor: Monitor) -> None:
     """Write labelled markers as C3D: f32, unseen markers with residual -1.
 
     What else the C3D file held that they were read from, events, analogue values and force plates, is written with them
-    as long as the frames are the same.
-
-    Parameters
-    ----------
-    value : Project, Trajectories or Filled
-        What to write.
-    path : Path
-        The file.
-    options : Options
-        With `filled`, filled positions are written, with residual 0 and no camera, as c3d.org has it for points that
-        are not measured; measured ones then have residual 1 and camera 1, because nobody knows which cameras saw them.
-        `unit` is that of the lengths in the file; to `axes` the value was turned.
-    monitor : Monitor
-        Shows the progress of filling; may cancel.
-
-    Raises
-    ------
-    WriteError
-        If the value has no labelled markers, or a name is longer than 127 bytes.
+    as long as the frames are the same. Filled positions have residual 0 and no camera, as c3d.org has it for points
+    that are not measured; measured ones then have residual 1 and camera 1: nobody knows which cameras saw them.
     """
     markers = markers_to_write(value, _TITLE, options.filled, monitor)
     take = positions_of(markers)
@@ -81,7 +61,7 @@ def write_c3d(value: Writable, path: Path, options: Options = PLAIN, monitor: Mo
         origin = value.source.path if value.source is not None else getattr(value.take, "origin", "")
     companions = companions_of(replace(take, origin=origin), options.axes, options.unit)
     write_points(take, path, options.unit, markers.source if isinstance(markers, Filled) else None, companions)
-    return [path, *write_table(markers, path)]
+    write_table(markers, path)
 
 
 def _remarks(project: Project, options: Options) -> tuple[str, ...]:
@@ -100,7 +80,7 @@ C3D = Format(
     holds="markers",
     sniff=lambda head, path: len(head) > 1 and head[1] == MAGIC and 0 < head[0] < _FIRST_PRINTABLE,
     read=lambda path, options: read_c3d(path, options.points, options.bodies, options.sample, options.recorded_unit),
-    write=write_c3d,
+    write=_write,
     check=lambda value, options: check_markers(value, _TITLE, options.filled),
     files=lambda path, options: marker_files(path, options.filled),
     keeps=("markers", "names"),
@@ -112,30 +92,12 @@ C3D = Format(
 )
 
 
-def write_c3d_joints(value: Writable, path: Path, unit: str = "mm", monitor: Monitor = SILENT) -> list[Path]:
+def _write_joints(value: Writable, path: Path, options: Options, monitor: Monitor) -> None:
     """Write measured markers and joints as the points of a C3D file.
 
     Joints have residual 0 and no camera, as c3d.org has it for points that are computed; measured markers have residual
     1 and camera 1, unseen ones residual -1. Joints whose place the motion does not determine say so in their
     descriptions, POINT:DESCRIPTIONS.
-
-    Parameters
-    ----------
-    value : Project
-        Finished.
-    path : Path
-        The file.
-    unit : str
-        Of the lengths in the file.
-    monitor : Monitor
-        May cancel before the file is written.
-
-    Raises
-    ------
-    WriteError
-        If the value is no project, a marker is called like a joint, or as for C3D.
-    MissingResultError
-        If the project has no skeleton yet.
     """
     project = finished_project(value, _JOINTS_TITLE)
     markers, joints = project.trajectories, project.motion.joint_positions
@@ -148,8 +110,7 @@ def write_c3d_joints(value: Writable, path: Path, unit: str = "mm", monitor: Mon
     computed = np.full(joints.shape[:2], PositionSource.JOINT)
     marks = [place_remark(joint) for joint in project.skeleton.joints]
     descriptions = [""] * markers.n_markers + marks
-    write_points(points, path, unit, np.concatenate([measured, computed], axis=1), descriptions=descriptions)
-    return [path]
+    write_points(points, path, options.unit, np.concatenate([measured, computed], axis=1), descriptions=descriptions)
 
 
 def _remarks_on_joints(project: Project, options: Options) -> tuple[str, ...]:
@@ -162,7 +123,7 @@ C3D_JOINTS = Format(
     title=_JOINTS_TITLE,
     suffixes=(".joints.c3d",),
     holds="joints",
-    write=lambda value, path, options, monitor: write_c3d_joints(value, path, options.unit, monitor),
+    write=_write_joints,
     check=lambda value, options: finished_project(value, _JOINTS_TITLE),
     keeps=("markers", "names", "joints"),
     marks_open="description of the point, in `POINT:DESCRIPTIONS`",

@@ -1,10 +1,10 @@
 """Write C3D: one stream of frames, for takes that are there and for recordings that grow.
 
 Data are f32, so positions keep 7 digits. A point that was not seen has residual -1 and lies at (0, 0, 0). Header and
-parameters state how many frames there are; `C3dStream.settle` puts these numbers right, so that a recording is whole
-whenever it ends. More than 65535 frames are stated in TRIAL:ACTUAL_END_FIELD, as Vicon does, and in POINT:LONG_FRAMES,
-as c3d.org proposes; programs that know neither, ezc3d 1.7 among them, show the first 65535 frames. More than 255 labels
-go on in POINT:LABELS2 and so forth.
+parameters state how many frames there are; `C3dStream.complete_header` puts these numbers right, so that a recording is
+whole whenever it ends. More than 65535 frames are stated in TRIAL:ACTUAL_END_FIELD, as Vicon does, and in
+POINT:LONG_FRAMES, as c3d.org proposes; programs that know neither, ezc3d 1.7 among them, show the first 65535 frames.
+More than 255 labels go on in POINT:LABELS2 and so forth.
 """
 
 import struct
@@ -83,7 +83,7 @@ def write_points(
             words = point_words(positions, None if source is None else source[chosen])
             analog = None if companions is None else companions.analog(first, len(words))
             stream.append(words, analog)
-        stream.settle()
+        stream.complete_header()
 
 
 def check_point_names(path: Path, names: Sequence[str]) -> list[str]:
@@ -192,7 +192,7 @@ class C3dStream:
         self._end += frames.nbytes
         self.n_frames += len(words)
 
-    def settle(self, rate: float | None = None) -> None:
+    def complete_header(self, rate: float | None = None) -> None:
         """State how many frames there are, and fill the last block; more frames may follow.
 
         Parameters

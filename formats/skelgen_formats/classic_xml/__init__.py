@@ -96,9 +96,7 @@ FORMAT = Format(
     holds="skeleton",
     sniff=lambda head, path: f"<{ROOT} ".encode() in head,
     read=lambda path, options: _take(path),
-    write=lambda value, path, options, monitor: write_classic_xml(
-        value, path, options.compact, options.xml_detail, monitor
-    ),
+    write=write_classic_xml,
     check=lambda value, options: finished_project(value, TITLE),
     options=(AXES, RATE, XML_DETAIL, COMPACT),
     keeps=("markers", "names", "limbs", "joints", "kinds", "uncertainty", "motion"),
@@ -107,4 +105,4 @@ FORMAT = Format(
     note="What is found of a finished project; with the detail all, as a take it gives back the tracked markers.",
 )
 
-__all__ = ["FORMAT", "ClassicXml", "JointStats", "MarkerDistance", "read_classic_xml", "write_classic_xml"]
+__all__ = ["FORMAT", "ClassicXml", "JointStats", "MarkerDistance", "read_classic_xml"]

@@ -19,10 +19,10 @@ from skelgen.errors import WriteError
 from skelgen.files import replacing
 from skelgen.model import Project, Skeleton
 from skelgen.model.arrays import Floats
-from skelgen.progress import SILENT, Monitor, with_progress
+from skelgen.progress import Monitor, with_progress
 from skelgen_formats.bones import bone_transforms, xyzw_from_matrix
 from skelgen_formats.classic_xml.contents import JointStats, MarkerDistance
-from skelgen_formats.options import Writable, finished_project
+from skelgen_formats.options import Options, Writable, finished_project
 
 ROOT = "MotionCapture"
 TITLE = "Skeleton and motion, XML"
@@ -51,9 +51,7 @@ _PROGRESS_EVERY = 1000  # texts, of which some thousands are written per second
 _CHUNK_FRAMES = 500  # frames whose numbers are Python objects at one time: 500 x 40 x 3 of them are about 2 MB
 
 
-def write_classic_xml(
-    value: Writable, path: Path, compact: bool = False, detail: str = ALL, monitor: Monitor = SILENT
-) -> list[Path]:
+def write_classic_xml(value: Writable, path: Path, options: Options, monitor: Monitor) -> None:
     """Write a finished project; the file is described in `skelgen_formats.classic_xml`.
 
     Parameters
@@ -62,21 +60,19 @@ def write_classic_xml(
         Finished.
     path : Path
         The file.
-    compact : bool
-        Whether vectors are texts of ten digits.
-    detail : str
-        `MOTION`, `JOINTS` or `ALL`.
+    options : Options
+        Of the format.
     monitor : Monitor
         Shows progress; may cancel.
 
     Raises
     ------
     WriteError
-        If the value is no project, a name cannot be written in XML, or the file cannot be written.
+        If the value is another one, a name cannot be written, or the file.
     MissingResultError
-        If a stage has not run.
+        If a stage has not run whose result is written.
     """
-    project = finished_project(value, TITLE)
+    project, detail = finished_project(value, TITLE), options.xml_detail
     counts = project.trajectories.n_frames, len(project.topology.raw_joint_positions), project.motion.n_frames
     if len(set(counts)) > 1:
         raise WriteError(f"{path}: markers, raw joints and motion have {counts} frames; they must have the same number")
@@ -102,8 +98,7 @@ def write_classic_xml(
     texts = with_progress(itertools.chain.from_iterable(parts), n_rows, monitor, _PROGRESS_EVERY)
     with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as stream:
         stream.write(header)
-        stream.writelines(map(_compacted, texts) if compact else texts)
-    return [path]
+        stream.writelines(map(_compacted, texts) if options.compact else texts)
 
 
 def _compacted(text: str) -> str:

@@ -22,14 +22,7 @@ from PySide6.QtWidgets import (
 )
 
 from skelgen.app.capture_jobs.images import CameraImage
-from skelgen.app.capture_jobs.messages import (
-    CaptureControl,
-    CaptureEnd,
-    FoundInSpace,
-    LiveShot,
-    TargetShot,
-    WandShot,
-)
+from skelgen.app.capture_jobs.messages import CaptureControl, CaptureEnd, FoundInSpace, LiveShot, TargetShot, WandShot
 from skelgen.capture.calibration.chessboard import LEAST_CORNERS
 from skelgen.model.rig import CameraRig, StereoRig
 from skelgen.progress import Monitor

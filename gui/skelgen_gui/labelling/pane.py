@@ -7,7 +7,7 @@ from PySide6.QtCore import QEvent, QStringListModel, Qt, Signal
 from PySide6.QtGui import QKeyEvent
 from PySide6.QtWidgets import QCheckBox, QComboBox, QLineEdit, QListView
 
-from skelgen.app.standing import open_questions
+from skelgen.app.advice import open_questions
 from skelgen.errors import SkelgenError
 from skelgen.model import Project
 from skelgen.model.corrections import NOBODY

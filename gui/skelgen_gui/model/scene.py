@@ -12,7 +12,7 @@ import numpy as np
 from skelgen.app.drawing.poses import Bones, MarkerState, find_bones, find_views, place_markers
 from skelgen.kinematics.inverse.inverse_kinematics import posture_of
 from skelgen.model import PointCloud, Poses, Project, Trajectories
-from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.model.arrays import Bools, Floats, Ints, spread_frames
 from skelgen_gui.model.view_state import MAGNIFICATIONS
 from skelgen_gui.model.viewpoint import level_axes
 
@@ -114,7 +114,7 @@ class Scene:
     @cached_property
     def sample(self) -> Floats:
         """Positions in some frames spread over the take, shape (n_samples, n, 3); NaN where there are none."""
-        frames = np.unique(np.linspace(0, self.n_frames - 1, min(_SAMPLES, self.n_frames)).astype(np.intp))
+        frames = spread_frames(self.n_frames, _SAMPLES)
         take = self.project.take
         if isinstance(take, Trajectories):
             return np.asarray(take.positions[frames])
@@ -140,7 +140,7 @@ class Scene:
         """Joints in some frames of the take, shape (n, 3), but none farther from all markers than the body is large."""
         if not self.project.has("skeleton") or not len(self.inliers):
             return _NO_POINTS
-        frames = np.unique(np.linspace(0, self.n_frames - 1, min(_SAMPLES, self.n_frames)).astype(np.intp))
+        frames = spread_frames(self.n_frames, _SAMPLES)
         points = np.asarray(self.project.motion.joint_positions[frames]).reshape(-1, 3)
         low, high = self.inliers.min(axis=0) - self.size, self.inliers.max(axis=0) + self.size
         return np.asarray(points[((points >= low) & (points <= high)).all(axis=1)])
@@ -189,7 +189,7 @@ class Scene:
     @cached_property
     def magnification(self) -> int:
         """Half axes of ellipsoids in standard deviations, so that most of them have a good size."""
-        frames = np.unique(np.linspace(0, self.n_frames - 1, min(_UNCERTAIN_SAMPLES, self.n_frames)).astype(np.intp))
+        frames = spread_frames(self.n_frames, _UNCERTAIN_SAMPLES)
         variances = np.linalg.eigvalsh(joint_covariances(self.project, frames))[..., -1].ravel()
         if not len(variances):
             return MAGNIFICATIONS[0]

@@ -79,6 +79,7 @@ class ExportPage(QWidget):
         self.form = ParameterForm((), self)
         self.options_box = QGroupBox(self.tr("Options"), self)
         self._options = QVBoxLayout(self.options_box)
+        self._options.setContentsMargins(6, 6, 6, 6)  # no more than fits into the narrowest window
         self.target = _ExportTarget(self)
         self.export, self.cancel, self.show_folder = QPushButton(self), QPushButton(self), QPushButton(self)
         self.progress = QProgressBar(self)
@@ -184,10 +185,10 @@ class ExportPage(QWidget):
         if not self.isVisible():
             return
         preview = self._preview()
-        replaced = [file for file in preview.files if file.exists]
         self.preview.setText(self._preview_text(preview))
         self.preview.setForegroundRole(PROBLEM_ROLE if preview.obstacle else self.foregroundRole())
-        self.export.setText(self.tr("Export and replace") if replaced else self.tr("Export"))
+        replaces = any(file.exists() for file in preview.files)
+        self.export.setText(self.tr("Export and replace") if replaces else self.tr("Export"))
         self.export.setEnabled(not preview.obstacle and not self._is_running)
 
     def _preview(self) -> Preview:
@@ -205,7 +206,7 @@ class ExportPage(QWidget):
         if preview.obstacle:
             return html.escape(preview.obstacle)
         replaces = self.tr(" (replaces the file that is there)")
-        lines = [f"<b>{html.escape(file.path.name)}</b>{replaces if file.exists else ''}" for file in preview.files]
+        lines = [f"<b>{html.escape(file.name)}</b>{replaces if file.exists() else ''}" for file in preview.files]
         lines += [html.escape(preview.contents)] if preview.contents else []
         return "<br>".join(lines) + "".join(f"<p>{html.escape(remark)}</p>" for remark in preview.remarks)
 

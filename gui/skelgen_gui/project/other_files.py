@@ -44,12 +44,7 @@ class SubjectActions(QObject):
     applied = Signal()
 
     def __init__(
-        self,
-        document: Document,
-        jobs: Jobs,
-        runner: Runner,
-        report_error: Callable[[Exception], None],
-        window: QWidget,
+        self, document: Document, jobs: Jobs, runner: Runner, report_error: Callable[[Exception], None], window: QWidget
     ) -> None:
         super().__init__(window)
         self._document, self._jobs, self._runner = document, jobs, runner

@@ -27,14 +27,7 @@ from skelgen_gui.project.deriving import Deriver
 from skelgen_gui.project.session import Session
 from skelgen_gui.timeline.span import GUTTER, MARGIN, SpanView, VisibleSpan
 from skelgen_gui.widgets.layouts import put_texts
-from skelgen_gui.widgets.painting import (
-    blended,
-    colour_of_limb,
-    doubt_colour,
-    paint_words,
-    pixmap_of,
-    rgb_of,
-)
+from skelgen_gui.widgets.painting import blended, colour_of_limb, doubt_colour, paint_words, pixmap_of, rgb_of
 
 _LANE = 16  # px, height of a lane
 _FEW, _MANY = 4, 12  # lanes that fit at least, and that there is room for at first

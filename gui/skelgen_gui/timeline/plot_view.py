@@ -9,17 +9,7 @@ from functools import partial
 
 import numpy as np
 from PySide6.QtCore import QPointF, QRectF, QSize, Qt
-from PySide6.QtGui import (
-    QColor,
-    QFont,
-    QFontMetricsF,
-    QMouseEvent,
-    QPainter,
-    QPaintEvent,
-    QPalette,
-    QPen,
-    QPixmap,
-)
+from PySide6.QtGui import QColor, QFont, QFontMetricsF, QMouseEvent, QPainter, QPaintEvent, QPalette, QPen, QPixmap
 from PySide6.QtWidgets import QWidget
 
 from skelgen.app.drawing.scales import ticks
@@ -31,14 +21,7 @@ from skelgen_gui.project.deriving import Deriver
 from skelgen_gui.project.session import Session
 from skelgen_gui.timeline.span import GUTTER, MARGIN, SpanView, VisibleSpan
 from skelgen_gui.widgets.layouts import put_texts
-from skelgen_gui.widgets.painting import (
-    blended,
-    colour_of_limb,
-    component_colour,
-    draw_lines,
-    is_dark,
-    paint_words,
-)
+from skelgen_gui.widgets.painting import blended, colour_of_limb, component_colour, draw_lines, is_dark, paint_words
 
 _GAP = 6.0  # px between panels
 

@@ -157,8 +157,9 @@ class View3D(QWidget):
         self.update()
 
     def stand_at(self, viewpoint: Viewpoint) -> None:
-        """Put the viewer where another window had left him."""
-        self._move(viewpoint)
+        """Put the viewer elsewhere."""
+        self._camera.move(viewpoint)
+        self.update()
 
     def fit(self) -> None:
         """Fit the markers that are selected or on the selected limb, otherwise all of this frame."""
@@ -258,7 +259,7 @@ class View3D(QWidget):
         wants_band = self.commands.rectangle.isChecked() != bool(event.modifiers() & _Modifier.ShiftModifier)
         step = self._drag.moved_to(event.position(), wants_band)
         if self._drag.kind in (controls.DragKind.TURN, controls.DragKind.SHIFT):
-            self._move(controls.dragged(self.viewpoint, self._drag.kind, step, self.height()))
+            self.stand_at(controls.dragged(self.viewpoint, self._drag.kind, step, self.height()))
         self.update()
 
     def mouseReleaseEvent(self, event: QMouseEvent) -> None:
@@ -283,7 +284,7 @@ class View3D(QWidget):
 
     def wheelEvent(self, event: QWheelEvent) -> None:
         """Zoom at the pointer."""
-        self._move(controls.wheeled(self.viewpoint, event, self))
+        self.stand_at(controls.wheeled(self.viewpoint, event, self))
 
     def contextMenuEvent(self, event: QContextMenuEvent) -> None:
         """Ask for a menu from the keyboard; that of the mouse follows its release, since dragging shifts the view."""
@@ -296,13 +297,13 @@ class View3D(QWidget):
         if event.key() in controls.ARROWS and modifiers in (_Modifier.ControlModifier, _Modifier.AltModifier):
             right, down = controls.ARROWS[Qt.Key(event.key())]
             if modifiers == _Modifier.ControlModifier:
-                self._move(self.viewpoint.orbited(controls.KEY_TURN * right, -controls.KEY_TURN * down))
+                self.stand_at(self.viewpoint.orbited(controls.KEY_TURN * right, -controls.KEY_TURN * down))
             else:
-                self._move(
+                self.stand_at(
                     self.viewpoint.panned(-controls.KEY_SHIFT * right, -controls.KEY_SHIFT * down, self.height())
                 )
         elif event.key() in controls.ZOOMS and modifiers & _Modifier.ControlModifier:
-            self._move(self.viewpoint.zoomed(controls.ZOOMS[Qt.Key(event.key())]))
+            self.stand_at(self.viewpoint.zoomed(controls.ZOOMS[Qt.Key(event.key())]))
         elif event.matches(QKeySequence.StandardKey.SelectAll) and self._camera.scene is not None:
             self._session.select(Selection(frozenset(range(self._camera.scene.n_markers))))
         elif event.key() == Qt.Key.Key_Escape:
@@ -337,10 +338,6 @@ class View3D(QWidget):
 
     def _look(self, right_of_front: float, elevation: float) -> None:
         self._camera.look(right_of_front, elevation)
-        self.update()
-
-    def _move(self, viewpoint: Viewpoint) -> None:
-        self._camera.move(viewpoint)
         self.update()
 
     def _paint_scenes(

@@ -77,7 +77,7 @@ class _NumberBox(QAbstractSpinBox):
         return QValidator.State.Acceptable, text, position
 
 
-_LETTERS = 12  # of a choice, at least
+_LETTERS = 4  # of a choice, at least: the options of an export fit into the narrowest window
 
 
 class ChoiceBox(QComboBox):

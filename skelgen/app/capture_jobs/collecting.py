@@ -10,23 +10,9 @@ from functools import partial
 from os import cpu_count
 from typing import Generic, Protocol, TypeVar
 
-from skelgen.app.capture_jobs.images import (
-    CameraImage,
-    CollectedView,
-    ViewCollection,
-    camera_images_of,
-    is_new,
-    is_steady,
-)
+from skelgen.app.capture_jobs import images
 from skelgen.app.capture_jobs.live import open_stream, warm_up
-from skelgen.app.capture_jobs.messages import (
-    CaptureControl,
-    CaptureOptions,
-    Feed,
-    FoundInSpace,
-    TargetShot,
-    WandShot,
-)
+from skelgen.app.capture_jobs.messages import CaptureControl, CaptureOptions, Feed, FoundInSpace, TargetShot, WandShot
 from skelgen.capture.calibration.body import BodyCalibration, calibrate_body
 from skelgen.capture.calibration.chessboard import Board, BoardView, find_board
 from skelgen.capture.calibration.joints import JointCalibration, calibrate_joints
@@ -79,7 +65,7 @@ class _Collector(Generic[_Shot]):
                 return
 
 
-class BoardCollector(_Collector[tuple[CameraImage, ...]]):
+class BoardCollector(_Collector[tuple[images.CameraImage, ...]]):
     """Looks for a board in all pairs of a source, and keeps the views that are worth it.
 
     Pictures that were taken one by one (whose rate nobody knows) are all kept, so that the verdict can name those that
@@ -103,9 +89,9 @@ class BoardCollector(_Collector[tuple[CameraImage, ...]]):
         self,
         source: str,
         board: Board,
-        views: ViewCollection,
+        views: images.ViewCollection,
         control: CaptureControl,
-        feed: Feed[tuple[CameraImage, ...]],
+        feed: Feed[tuple[images.CameraImage, ...]],
     ) -> None:
         super().__init__(control, feed)
         self._source, self._board, self._views = source, board, views
@@ -130,13 +116,13 @@ class BoardCollector(_Collector[tuple[CameraImage, ...]]):
             if any(view.size != source.size for view in self._views.views):
                 raise InputError("these images have another size than those of the views before: clear the views first")
             names: tuple[str, ...] = getattr(source, "names", ())  # of image files; others are counted
-            before: CollectedView | None = None
+            before: images.CollectedView | None = None
             n_seen = 0
             numbered = ((pair.index, pair) for pair in source)
             for number, pair in enumerate(self._until_stopped(numbered, source.n_frames, title, monitor)):
                 left, right = threads.map(partial(find_board, board=self._board), (pair.left, pair.right))
                 name = names[number] if number < len(names) else self._views.next_name
-                now = CollectedView(name, left, right, source.size)
+                now = images.CollectedView(name, left, right, source.size)
                 if source.rate is None or self._is_kept(now, before):
                     self._views.add(now)
                 before = now
@@ -145,18 +131,18 @@ class BoardCollector(_Collector[tuple[CameraImage, ...]]):
             if before is not None and not n_seen and not self._control.stop.is_set():
                 raise InputError(absence((pair.left, pair.right), self._board))
 
-    def _is_kept(self, now: CollectedView, before: CollectedView | None) -> bool:
+    def _is_kept(self, now: images.CollectedView, before: images.CollectedView | None) -> bool:
         """Whether a view of a stream is kept."""
         if not now.is_whole:
             return False
         if self._control.keep_next.is_set():
             self._control.keep_next.clear()
             return True
-        return is_steady(before, now) and is_new(now, self._views.views)
+        return images.is_steady(before, now) and images.is_new(now, self._views.views)
 
 
-def _copied(image: Image, view: BoardView | None) -> CameraImage:
-    return CameraImage.of_board(image.copy(), view)  # sources write the next image over this one
+def _copied(image: Image, view: BoardView | None) -> images.CameraImage:
+    return images.CameraImage.of_board(image.copy(), view)  # sources write the next image over this one
 
 
 class _Taking(Protocol[_Seen_co]):
@@ -215,8 +201,8 @@ class TargetCollector(_Collector[TargetShot[_Progress]], ABC, Generic[_Progress]
                 if self._feed.is_waiting:
                     if time.monotonic() - looked_at >= _PROGRESS_INTERVAL:
                         progress, looked_at = taking.progress, time.monotonic()
-                    images, found = camera_images_of(captured, bodies), FoundInSpace.of(captured.points, bodies)
-                    last = TargetShot(images, found, opened.settings.rig, progress)
+                    seen, found = images.camera_images_of(captured, bodies), FoundInSpace.of(captured.points, bodies)
+                    last = TargetShot(seen, found, opened.settings.rig, progress)
                     self._feed.put(last)
         if last is not None:
             self._feed.put(replace(last, progress=taking.progress))
@@ -366,7 +352,7 @@ class WandCollector(_Collector[WandShot]):
                     views = list(threads.map(detected_balls, frame.images))
                     taking.add(views, [None if image is None else image.shape[::-1] for image in frame.images])
                     if self._feed.is_waiting:
-                        last = WandShot(tuple(map(CameraImage.of_balls, frame.images, views)), taking.progress())
+                        last = WandShot(tuple(map(images.CameraImage.of_balls, frame.images, views)), taking.progress())
                         self._feed.put(last)
         if last is not None:
             self._feed.put(replace(last, progress=taking.progress()))

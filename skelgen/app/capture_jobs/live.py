@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from skelgen.app.capture import any_source_of, capture
+from skelgen.app.capture import capture, source_of
 from skelgen.app.capture_jobs.images import camera_images_of
 from skelgen.app.capture_jobs.messages import (
     ROOM,
@@ -26,7 +26,7 @@ from skelgen.app.capture_jobs.messages import (
     Recorded,
 )
 from skelgen.app.recording import Recording
-from skelgen.app.room import read_rig_settings
+from skelgen.app.room import read_capture_settings
 from skelgen.capture.bodies.prediction import PredictionParameters
 from skelgen.capture.live import Captured, MotionCapture, PointFinder
 from skelgen.capture.room.live import RoomCaptured
@@ -228,10 +228,10 @@ def open_stream(options: CaptureOptions, *, only_points: bool = False) -> Opened
     """
     is_wanted = options.predicts or options.predicts_joints
     prediction = PredictionParameters(joints=options.predicts_joints) if is_wanted else None
-    settings = read_rig_settings(Path(options.settings)) if options.settings else None
+    settings = read_capture_settings(Path(options.settings)) if options.settings else None
     source: RoomSource | FrameSource
     if settings is not None:
-        source = any_source_of(settings, options.source)
+        source = source_of(settings, options.source)
     elif options.source.startswith(ROOM):
         source = open_room_source(options.source)
     elif options.source:

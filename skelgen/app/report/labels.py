@@ -12,7 +12,7 @@ import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from skelgen.app.advice import REMEDIES, advice_on, doubtful_share, left_out_share
+from skelgen.app.advice import REMEDIES, advice_on, doubtful_share, left_out_share, open_questions
 from skelgen.app.drawing import measures, svg
 from skelgen.app.drawing.scales import limb_colour
 from skelgen.app.drawing.wording import duration, millimetres, percent
@@ -31,7 +31,6 @@ from skelgen.app.report.pictures import (
     row_labels,
     time_axis,
 )
-from skelgen.app.standing import open_questions
 from skelgen.app.tables import column_rows
 from skelgen.kinematics.gap_filling.filling import fill_project
 from skelgen.model import Labelling, PointCloud, Project

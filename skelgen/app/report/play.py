@@ -15,16 +15,7 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from skelgen.app.drawing.poses import (
-    MarkerState,
-    View,
-    find_bones,
-    find_views,
-    left_side,
-    place_markers,
-    reference_joints,
-    reference_markers,
-)
+from skelgen.app.drawing import poses
 from skelgen.model import PointCloud, Poses, Project, Trajectories
 from skelgen.model.arrays import Floats, Ints
 from skelgen.progress import counted
@@ -139,8 +130,8 @@ def play_content(project: Project) -> PlayContent | None:
         stride=stride,
         last=len(points.places) - 1,
         has_skeleton=bool(data["bones"]),
-        has_doubt=bool((points.states == MarkerState.DOUBTFUL).any()),
-        has_gaps=bool((points.states == MarkerState.FILLED).any()),
+        has_doubt=bool((points.states == poses.MarkerState.DOUBTFUL).any()),
+        has_gaps=bool((points.states == poses.MarkerState.FILLED).any()),
         n_open=sum(joint["open"] for joint in data["joints"]),
         n_doubtful=sum(joint["doubtful"] for joint in data["joints"]),
     )
@@ -176,10 +167,10 @@ def _points(project: Project, frames: slice) -> _Points:
     n_frames = len(range(take.n_frames)[frames])
     cloud, counts = np.zeros((0, 3)), np.zeros(n_frames, dtype=np.intp)
     if markers is not None:
-        places, states = place_markers(project, markers, frames)
+        places, states = poses.place_markers(project, markers, frames)
     else:
         places = take.world_from_body[frames, :, :3, 3] if isinstance(take, Poses) else np.zeros((n_frames, 0, 3))
-        states = np.where(np.isnan(places[..., 0]), MarkerState.ABSENT, MarkerState.SEEN)
+        states = np.where(np.isnan(places[..., 0]), poses.MarkerState.ABSENT, poses.MarkerState.SEEN)
         if isinstance(take, PointCloud):
             kept = [take.frame(frame) for frame in range(take.n_frames)[frames]]
             cloud, counts = np.concatenate([cloud, *kept]), np.array([len(points) for points in kept], dtype=np.intp)
@@ -187,7 +178,7 @@ def _points(project: Project, frames: slice) -> _Points:
         is_fitted = project.has("skeleton")
         joints = project.motion.joint_positions if is_fitted else project.topology.raw_joint_positions
         places = np.concatenate([joints[frames], places], axis=1)
-        states = np.concatenate([MarkerState.ABSENT * np.isnan(joints[frames, :, 0]), states], axis=1)
+        states = np.concatenate([poses.MarkerState.ABSENT * np.isnan(joints[frames, :, 0]), states], axis=1)
     if project.has("limbs"):
         is_fitted = project.has("skeleton")
         shape = (n_frames, project.limbs.n_limbs)
@@ -195,21 +186,21 @@ def _points(project: Project, frames: slice) -> _Points:
     return _Points(places, states.astype(np.intp), cloud, counts)
 
 
-def _front(project: Project) -> View:
+def _front(project: Project) -> poses.View:
     """The view of the front, as the pictures of the reference pose have it."""
     sample = slice(None, None, max(project.take.n_frames // _SAMPLES, 1))
     points = _points(project, sample)
     if project.has("skeleton") and project.skeleton.n_limbs:
-        body = np.concatenate([reference_markers(project.skeleton), reference_joints(project.skeleton)])
-        left = left_side(project.skeleton)
-        return find_views(body[~np.isnan(body[:, 0])], project.motion.marker_positions, left)[0]
+        body = np.concatenate([poses.reference_markers(project.skeleton), poses.reference_joints(project.skeleton)])
+        left = poses.left_side(project.skeleton)
+        return poses.find_views(body[~np.isnan(body[:, 0])], project.motion.marker_positions, left)[0]
     places = points.places
     if not places.shape[1]:
         places = np.full((len(points.counts), int(points.counts.max(initial=0)), 3), np.nan)
         is_there = np.arange(places.shape[1]) < points.counts[:, np.newaxis]
         places[is_there] = points.cloud
     known = places[~np.isnan(places[..., 0])]
-    return find_views(known[: places.shape[1]], places)[0]
+    return poses.find_views(known[: places.shape[1]], places)[0]
 
 
 def _drawn(project: Project) -> dict[str, Any]:
@@ -219,7 +210,7 @@ def _drawn(project: Project) -> dict[str, Any]:
     names = markers.names if markers is not None else take.names if isinstance(take, Poses) else ()
     limb_of_marker = project.limbs.limb_of_marker if has_limbs else np.full(len(names), -1)
     edges = project.topology.edges if has_joints else np.zeros((0, 2), dtype=np.intp)
-    bones = find_bones(edges, limb_of_marker)
+    bones = poses.find_bones(edges, limb_of_marker)
     doubtful = set(project.topology.doubtful.tolist()) if has_joints else set()
     joints = project.skeleton.joints if project.has("skeleton") else [None] * len(edges)
     return {
@@ -238,7 +229,7 @@ def _drawn(project: Project) -> dict[str, Any]:
 
 def _packed(points: _Points, basis: Floats, low: Floats, step: float) -> str:
     """Return states, coordinates, counts and the cloud as deflated bytes in base64; see `unpack` of play_take.js."""
-    coordinates = _rounded(_held(points.places) @ basis, low, step).transpose(1, 2, 0)
+    coordinates = _rounded(_without_gaps(points.places) @ basis, low, step).transpose(1, 2, 0)
     before = np.zeros((*coordinates.shape[:2], 2), dtype=np.uint16)
     differences = np.diff(coordinates, n=2, prepend=before)
     cloud = _rounded(points.cloud @ basis, low, step).T
@@ -252,7 +243,7 @@ def _rounded(places: Floats, low: Floats, step: float) -> np.ndarray[Any, np.dty
     return np.asarray(np.clip(np.round((places - low) / step), 0, 65_535)).astype(np.uint16)
 
 
-def _held(places: Floats) -> Floats:
+def _without_gaps(places: Floats) -> Floats:
     """Keep the last known place of each point through its gaps, which need no room then."""
     known = ~np.isnan(places[..., 0])
     last = np.maximum.accumulate(np.where(known, np.arange(len(places))[:, np.newaxis], 0), axis=0)

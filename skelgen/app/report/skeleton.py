@@ -13,17 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from markupsafe import Markup
 
-from skelgen.app.drawing import measures, svg
+from skelgen.app.drawing import measures, poses, svg
 from skelgen.app.drawing.graph import Bar, CostGraph, Disc, JointCost, joint_sign
-from skelgen.app.drawing.poses import (
-    Bones,
-    View,
-    find_bones,
-    find_views,
-    left_side,
-    reference_joints,
-    reference_markers,
-)
 from skelgen.app.drawing.scales import limb_colour, round_below
 from skelgen.app.drawing.wording import as_many_as_fit, clipped, digits, plain
 from skelgen.model import Joint, Project
@@ -232,15 +223,15 @@ class _Body:
 
     markers: Floats
     joints: Floats
-    bones: Bones
+    bones: poses.Bones
     lines: Floats  # both ends of each bone
 
     @classmethod
     def of(cls, project: Project) -> _Body:
         skeleton = project.skeleton
-        markers, joints = reference_markers(skeleton), reference_joints(skeleton)
+        markers, joints = poses.reference_markers(skeleton), poses.reference_joints(skeleton)
         edges = np.array([(joint.parent, joint.child) for joint in skeleton.joints], dtype=np.intp).reshape(-1, 2)
-        bones = find_bones(edges, skeleton.limb_of_marker)
+        bones = poses.find_bones(edges, skeleton.limb_of_marker)
         return cls(markers, joints, bones, bones.place(joints, markers))
 
     @property
@@ -248,7 +239,7 @@ class _Body:
         everything = np.vstack([self.markers, self.joints])
         return everything[~np.isnan(everything[:, 0])]
 
-    def seen(self, view: View, scale: float) -> _Body:
+    def seen(self, view: poses.View, scale: float) -> _Body:
         """Return the body in a view, to the right and down [px]; its box begins at the origin."""
         plane = np.stack([view.across, -view.up], axis=1) * scale
         corner = (self.points @ plane).min(axis=0)
@@ -269,7 +260,7 @@ def pose_figures(project: Project) -> list[tuple[str, Markup]]:
         Title and drawing of each view.
     """
     body = _Body.of(project)
-    views = find_views(body.points, project.motion.marker_positions, left_side(project.skeleton))
+    views = poses.find_views(body.points, project.motion.marker_positions, poses.left_side(project.skeleton))
     size = max(float(np.ptp(body.seen(view, 1.0).points, axis=0).max()) for view in views)
     scale = _LONGER_SIDE / max(size, 1e-9)
     return [(view.title, _view(project, body.seen(view, scale), view, scale)) for view in views]
@@ -286,7 +277,7 @@ def small_figure(project: Project, side: float) -> str:
         Of the square that it fills.
     """
     body = _Body.of(project)
-    front, _ = find_views(body.points, project.motion.marker_positions, left_side(project.skeleton))
+    front, _ = poses.find_views(body.points, project.motion.marker_positions, poses.left_side(project.skeleton))
     scale = side * _FILLED / max(float(np.ptp(body.seen(front, 1.0).points, axis=0).max()), 1e-9)
     flat = body.seen(front, scale)
     flat = flat.moved(*((side - np.ptp(flat.points, axis=0)) / 2).tolist())
@@ -300,7 +291,7 @@ def small_figure(project: Project, side: float) -> str:
     return str(svg.drawing(side, side, project.name or "skeleton", *parts))
 
 
-def _view(project: Project, body: _Body, view: View, scale: float) -> Markup:
+def _view(project: Project, body: _Body, view: poses.View, scale: float) -> Markup:
     size = np.ptp(body.points, axis=0)
     width, height = max(size[0] + 2 * _POSE_MARGIN, _LEAST_WIDTH), size[1] + 2 * _POSE_MARGIN + _TRIAD
     body = body.moved((width - size[0]) / 2, _POSE_MARGIN)
@@ -353,7 +344,7 @@ def _limb_number(limb: int, lines: Floats) -> Markup:
     return svg.text(x, y + 4, str(limb), f"halo tint limb{limb}", anchor="middle")
 
 
-def _triad(view: View, x: float, y: float) -> Markup:
+def _triad(view: poses.View, x: float, y: float) -> Markup:
     """The world's axes that lie nearly in the plane of this view."""
     parts = []
     for name, axis in zip(_AXES, np.eye(3), strict=True):

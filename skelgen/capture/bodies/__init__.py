@@ -140,9 +140,9 @@ class BodyFinder:
                     free &= np.isfinite(scene.distances[taken]).all(axis=0)  # nor points that share a ball with them
                 else:
                     left.append(body)  # another body has its points: search again among those that are left
-        return [self._weighed(body, posed, points) for body, posed in sorted(found.items())]
+        return [self._weighted_pose(body, posed, points) for body, posed in sorted(found.items())]
 
-    def _weighed(self, body: int, posed: PosedBody, points: StereoPoints) -> FoundBody:
+    def _weighted_pose(self, body: int, posed: PosedBody, points: StereoPoints) -> FoundBody:
         """A body that was found, posed by the noise of its points without slack."""
         scene = table_of_points(points, has_slack=False)
         pose, covariance, noise = weigh_pose(self._tables[body], scene, posed.matched)
@@ -188,7 +188,7 @@ class BodyFinder:
         """Matchings of as many balls with another pose that the noise explains, however far off in mm."""
         rules = self._rules._replace(min_points=found.n_matched, max_distance=np.inf)
         search = search._replace(rules=rules)
-        rival = self._searched(search._replace(known=found.body.matched), free)
+        rival = self._best_matching(search._replace(known=found.body.matched), free)
         if rival is None:  # as nearly always
             return []
         rivals = [rival, *self._without(search, free, found.body.matched)]
@@ -196,12 +196,12 @@ class BodyFinder:
 
     def _sound(self, search: Search, free: Bools) -> _Candidate | None:
         """The best matching that the noise explains. One with more balls is preferred: it proves more."""
-        best = self._searched(search, free)
+        best = self._best_matching(search, free)
         if best is None:
             return None
         if best.n_matched < len(search.target.points):
             rules = self._rules._replace(min_points=best.n_matched + 1)
-            more = self._searched(search._replace(rules=rules), free)
+            more = self._best_matching(search._replace(rules=rules), free)
             if more is not None and more.body.is_sound:
                 return more
         if best.body.is_sound:
@@ -214,7 +214,7 @@ class BodyFinder:
         for ball in np.flatnonzero(matched >= 0):
             others = search.allowed.copy()
             others[ball, matched[ball]] = False
-            found = self._searched(search._replace(allowed=others), free)
+            found = self._best_matching(search._replace(allowed=others), free)
             if found is not None:
                 yield found
 
@@ -228,7 +228,7 @@ class BodyFinder:
         step = np.concatenate([turn, one.pose[:3, 3] - other.pose[:3, 3]])
         return bool(step @ np.linalg.solve(one.covariance, step) > chi_squared_limit(len(step), _FAR))
 
-    def _searched(self, search: Search, free: Bools) -> _Candidate | None:
+    def _best_matching(self, search: Search, free: Bools) -> _Candidate | None:
         """The cheapest matching, posed."""
         if search.allowed.any(axis=1).sum() < search.rules.min_points:
             return None

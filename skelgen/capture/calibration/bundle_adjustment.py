@@ -35,14 +35,14 @@ LEAST_EIGENVALUE = 1e-13
 """Of the cameras' normal matrix, its diagonal scaled to 1: below it some numbers are not determined."""
 
 
-def pixels_and_slopes(eye: Camera, inside: Floats) -> tuple[Floats, Floats, Floats]:
+def pixels_and_slopes(camera: Camera, inside: Floats) -> tuple[Floats, Floats, Floats]:
     """Return pixels of points in a camera's frame, with their derivatives by the intrinsic numbers and by the point.
 
     Unlike `project`, this knows no fold of the lens: on the way to the minimum any lens may occur.
 
     Parameters
     ----------
-    eye : Camera
+    camera : Camera
         Its place does not matter.
     inside : ndarray, shape (..., 3), mm
         Points in its frame.
@@ -58,33 +58,33 @@ def pixels_and_slopes(eye: Camera, inside: Floats) -> tuple[Floats, Floats, Floa
     """
     flat = inside[..., :2] / inside[..., 2:]
     basis = _lens_basis(flat)
-    bent = flat + basis @ eye.distortion
-    focal = np.diag(eye.matrix)[:2]
+    bent = flat + basis @ camera.distortion
+    focal = np.diag(camera.matrix)[:2]
     by_intrinsic = np.zeros((*flat.shape, N_INTRINSIC))
     for axis in (0, 1):
         by_intrinsic[..., axis, axis], by_intrinsic[..., axis, 2 + axis] = bent[..., axis], 1.0
     by_intrinsic[..., N_MATRIX:] = focal[:, np.newaxis] * basis
     by_point = np.zeros((*flat.shape, 3))
-    by_point[..., :2] = distortion_jacobian(eye, flat) * focal[:, np.newaxis]
+    by_point[..., :2] = distortion_jacobian(camera, flat) * focal[:, np.newaxis]
     by_point[..., 2] = -(by_point[..., :2] @ flat[..., np.newaxis])[..., 0]
     by_point /= inside[..., 2, np.newaxis, np.newaxis]
-    return bent * focal + eye.matrix[:2, 2], by_intrinsic, by_point
+    return bent * focal + camera.matrix[:2, 2], by_intrinsic, by_point
 
 
-def slopes_of_camera(eye: Camera, points: Floats) -> tuple[Floats, Floats]:
+def slopes_of_camera(camera: Camera, points: Floats) -> tuple[Floats, Floats]:
     """Return how pixels follow the numbers of a camera, shape (n, 2, 15), and the points, shape (n, 2, 3).
 
     Parameters
     ----------
-    eye : Camera
+    camera : Camera
         Its `camera_from_world` is its place relative to the first camera's frame.
     points : ndarray, shape (n, 3), mm
         In the first camera's frame.
     """
-    inside = moved_points(eye.camera_from_world, points)
-    _, by_intrinsic, by_point = pixels_and_slopes(eye, inside)
-    by_pose = slope_by_pose(by_point, inside - eye.camera_from_world[:3, 3])
-    return np.concatenate([by_intrinsic, by_pose], axis=-1), np.asarray(by_point @ eye.camera_from_world[:3, :3])
+    inside = moved_points(camera.camera_from_world, points)
+    _, by_intrinsic, by_point = pixels_and_slopes(camera, inside)
+    by_pose = slope_by_pose(by_point, inside - camera.camera_from_world[:3, 3])
+    return np.concatenate([by_intrinsic, by_pose], axis=-1), np.asarray(by_point @ camera.camera_from_world[:3, :3])
 
 
 def _lens_basis(flat: Floats) -> Floats:
@@ -297,7 +297,7 @@ def residuals_of(bundle: Bundle) -> Floats:
     """Return seen minus expected, shape (n_frames, n_cameras, n_balls, 2), px."""
     balls = bundle.places
     with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
-        expected = [pixels_and_slopes(eye, moved_points(eye.camera_from_world, balls))[0] for eye in bundle.cameras]
+        expected = [pixels_and_slopes(one, moved_points(one.camera_from_world, balls))[0] for one in bundle.cameras]
         return np.asarray(bundle.seen - np.stack(expected, axis=1))
 
 
@@ -315,21 +315,21 @@ def _reduced(bundle: Bundle, free: Bools, damping: float) -> tuple[Floats, Float
     )
     gradient, wands = np.zeros((n_cameras, N_CAMERA_STD)), np.zeros((n_frames, n_own, n_own))
     pulls = np.zeros((n_frames, n_own))
-    for index, eye in enumerate(bundle.cameras):
-        turn, shift = eye.camera_from_world[:3, :3], eye.camera_from_world[:3, 3]
+    for index, camera in enumerate(bundle.cameras):
+        turn, shift = camera.camera_from_world[:3, :3], camera.camera_from_world[:3, 3]
         shown = np.flatnonzero(np.isfinite(bundle.seen[:, index, :, 0]).any(axis=1))
         turned = balls[shown] @ turn.T
-        pixels, by_intrinsic, by_point = pixels_and_slopes(eye, turned + shift)
+        pixels, by_intrinsic, by_point = pixels_and_slopes(camera, turned + shift)
         residual = bundle.seen[shown, index] - pixels
         valid = np.isfinite(residual)
         residual = np.where(valid, residual, 0.0).reshape(len(shown), -1)
-        camera = np.concatenate([by_intrinsic, slope_by_pose(by_point, turned)], axis=-1) * valid[..., np.newaxis]
-        camera = camera.reshape(len(shown), -1, N_CAMERA_STD)
+        by_camera = np.concatenate([by_intrinsic, slope_by_pose(by_point, turned)], axis=-1) * valid[..., np.newaxis]
+        by_camera = by_camera.reshape(len(shown), -1, N_CAMERA_STD)
         wand = ((by_point @ turn) @ by_wand[shown] * valid[..., np.newaxis]).reshape(len(shown), -1, n_own)
-        flat = camera.reshape(-1, N_CAMERA_STD)
+        flat = by_camera.reshape(-1, N_CAMERA_STD)
         own[index] = flat.T @ flat
         gradient[index] = flat.T @ residual.ravel()
-        coupling[shown, index] = np.swapaxes(camera, 1, 2) @ wand
+        coupling[shown, index] = np.swapaxes(by_camera, 1, 2) @ wand
         wands[shown] += np.swapaxes(wand, 1, 2) @ wand
         pulls[shown] += (np.swapaxes(wand, 1, 2) @ residual[..., np.newaxis])[..., 0]
     wands[:, range(n_own), range(n_own)] *= 1.0 + damping
@@ -381,16 +381,17 @@ def _moved(bundle: _B, free: Bools, step: Floats, parts: _Parts) -> _B | None:
     shared[free] = step
     try:
         cameras = tuple(
-            _moved_camera(eye, own) for eye, own in zip(bundle.cameras, shared.reshape(-1, N_CAMERA_STD), strict=True)
+            _moved_camera(one, own) for one, own in zip(bundle.cameras, shared.reshape(-1, N_CAMERA_STD), strict=True)
         )
     except InputError:
         return None
     return replace(bundle.moved(np.asarray(back, dtype=np.float64)), cameras=cameras)
 
 
-def _moved_camera(eye: Camera, step: Floats) -> Camera:
+def _moved_camera(camera: Camera, step: Floats) -> Camera:
     """The camera after a step of its numbers, shape (15,), in the order of `Adjusted.covariance`."""
-    matrix = eye.matrix.copy()
+    matrix = camera.matrix.copy()
     matrix[[0, 1, 0, 1], [0, 1, 2, 2]] += step[:N_MATRIX]
-    pose = moved_pose(eye.camera_from_world, step[N_INTRINSIC:])
-    return replace(eye, matrix=matrix, distortion=eye.distortion + step[N_MATRIX:N_INTRINSIC], camera_from_world=pose)
+    pose = moved_pose(camera.camera_from_world, step[N_INTRINSIC:])
+    distortion = camera.distortion + step[N_MATRIX:N_INTRINSIC]
+    return replace(camera, matrix=matrix, distortion=distortion, camera_from_world=pose)

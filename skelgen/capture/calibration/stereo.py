@@ -13,13 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from skelgen.capture.calibration.bundle_adjustment import N_INTRINSIC, Adjusted, BoardBundle
-from skelgen.capture.calibration.chessboard import (
-    Board,
-    BoardView,
-    board_that_is_there,
-    find_board,
-    turned_boards,
-)
+from skelgen.capture.calibration.chessboard import Board, BoardView, board_that_is_there, find_board, turned_boards
 from skelgen.capture.calibration.lens import AUTO, LEAST_VIEWS, adjust_lens, guess_camera
 from skelgen.capture.calibration.verdict import PairSeen, Verdict, judge
 from skelgen.capture.images import read_image
@@ -181,7 +175,7 @@ def _first_guess(corners: Floats, board: Board, size: tuple[int, int]) -> tuple[
 def _with_deviations(adjusted: Adjusted[BoardBundle], seen: tuple[PairSeen, ...]) -> StereoCalibration:
     """The calibration with its standard deviations and the verdict."""
     left, right = (
-        replace(eye, name=name) for eye, name in zip(adjusted.bundle.cameras, ("left", "right"), strict=True)
+        replace(camera, name=name) for camera, name in zip(adjusted.bundle.cameras, ("left", "right"), strict=True)
     )
     rig = StereoRig(left, right, max(TYPICAL_NOISE, adjusted.noise), adjusted.covariance)
     of_left, of_right = np.sqrt(np.diag(adjusted.covariance)).reshape(-1, N_CAMERA_STD)
@@ -296,12 +290,12 @@ def _guess_of_pair(
 ) -> Pairing:
     """The guess from one pair, with the error of each pair in its best order; infinite behind the camera."""
     turn = nearest_rotation(right_from_left[:3, :3])  # a product of poses: takes the rounding off
-    eye = replace(right, camera_from_world=transform_from(turn, right_from_left[:3, 3]))
-    expected = project(eye, moved_points(left_poses, board.points))
+    camera = replace(right, camera_from_world=transform_from(turn, right_from_left[:3, 3]))
+    expected = project(camera, moved_points(left_poses, board.points))
     shifts = corners[:, orders] - expected[:, np.newaxis]
     errors = np.nan_to_num(np.sqrt((shifts**2).sum(axis=-1).mean(axis=-1)), nan=np.inf)
     best = errors.argmin(axis=1)
-    return Pairing(eye.camera_from_world, orders[best], errors.min(axis=1))
+    return Pairing(camera.camera_from_world, orders[best], errors.min(axis=1))
 
 
 INTRINSIC = ("fx [px]", "fy [px]", "cx [px]", "cy [px]", "k1", "k2", "p1", "p2", "k3")
@@ -311,8 +305,8 @@ INTRINSIC = ("fx [px]", "fy [px]", "cx [px]", "cy [px]", "k1", "k2", "p1", "p2",
 def camera_rows(found: StereoCalibration) -> list[tuple[str, str, str]]:
     """Return what is measured of both cameras: its name, the left and the right value, each with its deviation."""
     left, right = (
-        [_with_std(*pair) for pair in zip(intrinsic(eye), std.tolist(), strict=True)]
-        for eye, std in ((found.rig.left, found.left_std), (found.rig.right, found.right_std))
+        [_with_std(*pair) for pair in zip(intrinsic(camera), std.tolist(), strict=True)]
+        for camera, std in ((found.rig.left, found.left_std), (found.rig.right, found.right_std))
     )
     rows = list(zip(INTRINSIC, left, right, strict=True))
     turn = vector_from_matrix(found.rig.right_from_left[:3, :3])
@@ -325,9 +319,9 @@ def camera_rows(found: StereoCalibration) -> list[tuple[str, str, str]]:
     return [*rows, ("baseline [mm]", "", _with_std(found.rig.baseline, found.baseline_std))]
 
 
-def intrinsic(eye: Camera) -> list[float]:
+def intrinsic(camera: Camera) -> list[float]:
     """Return the numbers of one camera in the order of `INTRINSIC`."""
-    return [*eye.matrix[[0, 1, 0, 1], [0, 1, 2, 2]].tolist(), *eye.distortion.tolist()]
+    return [*camera.matrix[[0, 1, 0, 1], [0, 1, 2, 2]].tolist(), *camera.distortion.tolist()]
 
 
 def _with_std(value: float, std: float) -> str:

@@ -213,10 +213,7 @@ class JointTaking:
     """
 
     def __init__(
-        self,
-        targets: Sequence[BodyTarget],
-        search: BodyParameters | None = None,
-        pairs: Sequence[tuple[str, str]] = (),
+        self, targets: Sequence[BodyTarget], search: BodyParameters | None = None, pairs: Sequence[tuple[str, str]] = ()
     ) -> None:
         if len(targets) < 2:
             raise InputError("joints are between two targets; calibrate these first")

@@ -109,7 +109,7 @@ def judge(rig: StereoRig, adjusted: Adjusted[BoardBundle], baseline_std: float, 
         All pairs of images.
     """
     std = np.sqrt(np.diag(adjusted.covariance)).reshape(-1, N_CAMERA_STD)[:, :2]
-    focal = [np.diag(eye.matrix)[:2] for eye in adjusted.bundle.cameras]
+    focal = [np.diag(camera.matrix)[:2] for camera in adjusted.bundle.cameras]
     scale = max(float((std / focal).max()), baseline_std / rig.baseline)
     swapped = _swapped(rig)
     used = [pair for pair in pairs if pair.is_used]

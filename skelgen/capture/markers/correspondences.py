@@ -19,14 +19,8 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from skelgen.capture.markers import rigidity
 from skelgen.capture.markers.candidates import Candidates
-from skelgen.capture.markers.rigidity import (
-    evidence_of_rigidity,
-    learned_triangles,
-    log_ratios,
-    n_independent,
-    triangles_of_targets,
-)
 from skelgen.geometry.statistics import SIGMA_OF_MEDIAN
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.model.rig import BodyTarget
@@ -99,15 +93,15 @@ def find_markers(
     """
     evidence = evidence_over_time(candidates, pairs, noise)
     accepted = accept_best_first(pairs, evidence)
-    n_independent_frames = n_independent(np.bincount(pairs.of_candidate, minlength=len(pairs)), step)
+    n_independent_frames = rigidity.n_independent(np.bincount(pairs.of_candidate, minlength=len(pairs)), step)
     shared = share_a_ball(candidates, (evidence > -MAX_EVIDENCE * n_independent_frames)[pairs.of_candidate])
     if shared.any():
         scale = noise_scale(candidates, noise)
         kept, markers = accepted[pairs.of_candidate], markers_of_pairs(pairs, accepted)
-        triangles = learned_triangles(candidates, kept, markers.marker[pairs.of_candidate], scale)
-        triangles += triangles_of_targets(targets)
-        ratios = log_ratios(candidates, kept, markers.own[pairs.of_candidate], triangles, shared, scale)
-        evidence += evidence_of_rigidity(ratios, shared, pairs.of_candidate, len(pairs), step)
+        triangles = rigidity.learned_triangles(candidates, kept, markers.marker[pairs.of_candidate], scale)
+        triangles += rigidity.triangles_of_targets(targets)
+        ratios = rigidity.log_ratios(candidates, kept, markers.own[pairs.of_candidate], triangles, shared, scale)
+        evidence += rigidity.evidence_of_rigidity(ratios, shared, pairs.of_candidate, len(pairs), step)
         accepted = accept_best_first(pairs, evidence)
     return np.asarray(accepted[pairs.of_candidate])
 

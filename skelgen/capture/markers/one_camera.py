@@ -207,7 +207,7 @@ class _TwoCameraMarkers:
     def locate(self, camera: Camera, run: _OneCameraRun) -> OneCameraPoints:
         """Return the points of a run that are certain enough: the depths are solved for along the lines of sight."""
         pose = camera.camera_from_world
-        eye = -pose[:3, :3].T @ pose[:3, 3]
+        centre = -pose[:3, :3].T @ pose[:3, 3]
         directions = np.column_stack([run.rays, np.ones(len(run.rays))]) @ pose[:3, :3]
         anchors = np.flatnonzero(run.both >= 0)
         chain = self._chain(len(run.frames))
@@ -220,7 +220,8 @@ class _TwoCameraMarkers:
             normal, gradient = chain.copy(), chain @ depths
             normal[anchors, anchors] += weights
             gradient[anchors] += weights * (depths[anchors] - depths_known)
-            residuals, along, precision = neighbours.misfits(eye, directions, depths, self._noise / camera.matrix[0, 0])
+            blur = self._noise / camera.matrix[0, 0]
+            residuals, along, precision = neighbours.misfits(centre, directions, depths, blur)
             robust = precision / (1 + residuals**2 * precision / FREEDOM)
             np.add.at(normal, (neighbours.at, neighbours.at), along**2 * robust)
             np.add.at(gradient, neighbours.at, along * residuals * robust)
@@ -234,7 +235,7 @@ class _TwoCameraMarkers:
         is_known = (n_neighbours >= MIN_NEIGHBOURS) & (std <= self._max_std) & (depths > 0)
         good = np.flatnonzero((run.both < 0) & is_known & fits)
         return OneCameraPoints(
-            run.frames[good], eye + directions[good] * depths[good, np.newaxis], std[good] / self._scale
+            run.frames[good], centre + directions[good] * depths[good, np.newaxis], std[good] / self._scale
         )
 
     def _seen(self, balls: ImageBalls, side: int) -> _MarkerBalls:
@@ -316,9 +317,9 @@ class _RigidNeighbours(NamedTuple):
     lengths: Floats
     variances: Floats
 
-    def misfits(self, eye: Floats, directions: Floats, depths: Floats, blur: float) -> tuple[Floats, Floats, Floats]:
+    def misfits(self, centre: Floats, directions: Floats, depths: Floats, blur: float) -> tuple[Floats, Floats, Floats]:
         """Return distances minus known ones [mm], their derivatives by the depth, and their precisions [1 / mm^2]."""
-        away = eye + directions[self.at] * depths[self.at, np.newaxis] - self.places
+        away = centre + directions[self.at] * depths[self.at, np.newaxis] - self.places
         lengths = np.linalg.norm(away, axis=1)
         along = away / lengths[:, np.newaxis]
         variances = np.einsum("ni,nij,nj->n", along, self.spread, along) + self.variances

@@ -155,15 +155,16 @@ def board_start(seen: Floats, board: AnyBoard, sizes: Sequence[tuple[int, int]],
     InputError
         If a camera has too few views of the board, or shares too few with the others.
     """
-    eyes, poses = [], np.full((*seen.shape[:2], 4, 4), np.nan)
+    lenses, poses = [], np.full((*seen.shape[:2], 4, 4), np.nan)
     for index, (size, name) in enumerate(zip(sizes, names, strict=True)):
-        eye = _lens(seen[:, index], board, size, name)
-        eyes.append(eye)
+        lens = _lens(seen[:, index], board, size, name)
+        lenses.append(lens)
         for frame in range(len(seen)):
-            poses[frame, index] = _placed(seen[frame, index], board, eye)
-    places = _related(poses, board, names)
+            poses[frame, index] = _board_pose(seen[frame, index], board, lens)
+    places = _camera_poses(poses, board, names)
     cameras = [
-        Camera(*eye.size, eye.matrix, eye.distortion, place, eye.name) for eye, place in zip(eyes, places, strict=True)
+        Camera(*lens.size, lens.matrix, lens.distortion, place, lens.name)
+        for lens, place in zip(lenses, places, strict=True)
     ]
     ordered, world_from_board = _turned_alike(seen, poses, places, board)
     placed = np.asarray(np.isfinite(world_from_board[:, 0, 0]))
@@ -184,16 +185,16 @@ def _lens(seen: Floats, board: AnyBoard, size: tuple[int, int], name: str) -> Ca
     return replace(fit_camera(points, pixels, size, f"what {name} sees of the board")[0], name=name)
 
 
-def _placed(corners: Floats, board: AnyBoard, eye: Camera) -> Floats:
+def _board_pose(corners: Floats, board: AnyBoard, camera: Camera) -> Floats:
     """camera_from_board, shape (4, 4); NaN if too little of the board is seen."""
     shown = np.isfinite(corners[:, 0])
     if shown.sum() < FEWEST_CORNERS:
         return np.full((4, 4), np.nan)
-    done, turn, shift = opencv().solvePnP(board.points[shown], corners[shown], eye.matrix, eye.distortion)
+    done, turn, shift = opencv().solvePnP(board.points[shown], corners[shown], camera.matrix, camera.distortion)
     return transform_from(matrix_from_vector(np.ravel(turn)), np.ravel(shift)) if done else np.full((4, 4), np.nan)
 
 
-def _related(poses: Floats, board: AnyBoard, names: Sequence[str]) -> list[Floats]:
+def _camera_poses(poses: Floats, board: AnyBoard, names: Sequence[str]) -> list[Floats]:
     """camera_from_first of all cameras, by the pairs that share most moments."""
     shows = np.isfinite(poses[..., 0, 0])
     n_cameras, ways = len(names), turned_boards(board.points, board.orders)
@@ -201,7 +202,7 @@ def _related(poses: Floats, board: AnyBoard, names: Sequence[str]) -> list[Float
     for one, two in combinations(range(n_cameras), 2):
         both = shows[:, one] & shows[:, two]
         if both.sum() >= LEAST_SHARED:
-            count, second = _relation(poses[both, one], poses[both, two], ways)
+            count, second = _relative_pose(poses[both, one], poses[both, two], ways)
             relations[one, two] = count, second
             relations[two, one] = count, np.asarray(np.linalg.inv(second))
     places: dict[int, Floats] = {0: np.eye(4)}
@@ -219,20 +220,20 @@ def _related(poses: Floats, board: AnyBoard, names: Sequence[str]) -> list[Float
     return [places[index] for index in range(n_cameras)]
 
 
-def _relation(one: Floats, two: Floats, ways: Floats) -> tuple[int, Floats]:
+def _relative_pose(one: Floats, two: Floats, ways: Floats) -> tuple[int, Floats]:
     """How many moments agree with the best relation of two cameras, and that: second_from_first."""
     relations = two[:, np.newaxis] @ ways @ np.linalg.inv(one)[:, np.newaxis]  # (n, n_ways, 4, 4)
     flat = relations.reshape(-1, 4, 4)
     best, most = flat[0], 0
     for candidate in flat[spread_frames(len(flat), CANDIDATES)]:
-        angle, shift = _apart(relations, candidate)
+        angle, shift = _pose_difference(relations, candidate)
         count = int(((angle <= AGREES[0]) & (shift <= AGREES[1])).any(axis=1).sum())
         if count > most:
             best, most = candidate, count
     return most, best
 
 
-def _apart(poses: Floats, other: Floats) -> tuple[Floats, Floats]:
+def _pose_difference(poses: Floats, other: Floats) -> tuple[Floats, Floats]:
     """Angle [rad] between poses and another, and the shift as a part of how far the other is away."""
     turn = poses[..., :3, :3] @ other[:3, :3].T
     angle = np.linalg.norm(vector_from_matrix(turn.reshape(-1, 3, 3)), axis=1).reshape(turn.shape[:-2])
@@ -252,7 +253,7 @@ def _turned_alike(seen: Floats, poses: Floats, places: Sequence[Floats], board: 
             if np.isnan(world_from_board[frame, 0, 0]):
                 world_from_board[frame] = here[0]
                 continue
-            angle, _ = _apart(here, world_from_board[frame])
+            angle, _ = _pose_difference(here, world_from_board[frame])
             best = int(angle.argmin())
             ordered[frame, index] = seen[frame, index][board.orders[best]]
             if angle[best] > 5 * AGREES[0]:

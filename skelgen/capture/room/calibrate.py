@@ -150,7 +150,7 @@ _BOARD = _Words(
 def _calibration(start: Bundle, names: Sequence[str], words: _Words) -> WandCalibration:
     adjusted = adjust_room(start, free_numbers(len(names), LENS))
     bundle = adjusted.bundle
-    cameras = [replace(eye, name=name) for eye, name in zip(bundle.cameras, names, strict=True)]
+    cameras = [replace(camera, name=name) for camera, name in zip(bundle.cameras, names, strict=True)]
     covariance = _of_places(adjusted.covariance, cameras)
     std = np.sqrt(np.maximum(np.diag(covariance), 0.0)).reshape(-1, N_CAMERA_STD)
     rig = CameraRig(cameras, max(adjusted.noise, LEAST_NOISE), std)
@@ -171,10 +171,10 @@ def _of_places(covariance: Floats, cameras: Sequence[Camera]) -> Floats:
     With R, t its pose, the place is -R^T t; a turn w and a shift s move it by -(s + [t]x w) along the camera's axes.
     """
     change = np.eye(len(covariance))
-    for index, eye in enumerate(cameras):
+    for index, camera in enumerate(cameras):
         turn, place = (slice(N_CAMERA_STD * index + first, N_CAMERA_STD * index + first + 3) for first in (9, 12))
         change[place, place] = -np.eye(3)
-        change[place, turn] = -cross_matrix(eye.camera_from_world[:3, 3])
+        change[place, turn] = -cross_matrix(camera.camera_from_world[:3, 3])
     return np.asarray(change @ covariance @ change.T)
 
 
@@ -237,7 +237,7 @@ def on_ground(calibration: WandCalibration, first_from_ground: Floats) -> WandCa
         The ground in that world; see `skelgen.capture.room.wand_and_ground`.
     """
     rig = calibration.rig
-    cameras = [placed_in(eye, first_from_ground) for eye in rig.cameras]
+    cameras = [placed_in(camera, first_from_ground) for camera in rig.cameras]
     turn, shift = first_from_ground[:3, :3], first_from_ground[:3, 3]
     return replace(calibration, rig=replace(rig, cameras=cameras), room=(calibration.room - shift) @ turn)
 
@@ -265,12 +265,12 @@ def point_covariances(rig: CameraRig, covariance: Floats, points: Floats) -> tup
     normal = np.zeros((len(points), 3, 3))
     change = np.zeros((len(points), 3, N_CAMERA_STD * len(rig.cameras)))
     count = np.zeros(len(points), dtype=np.intp)
-    for index, eye in enumerate(rig.cameras):
-        turn = eye.camera_from_world[:3, :3]
-        inside = points @ turn.T + eye.camera_from_world[:3, 3]
+    for index, camera in enumerate(rig.cameras):
+        turn = camera.camera_from_world[:3, :3]
+        inside = points @ turn.T + camera.camera_from_world[:3, 3]
         with np.errstate(all="ignore"):
-            pixels, by_intrinsic, by_point = pixels_and_slopes(eye, inside)
-        seen = in_image(eye, pixels) & (inside[:, 2] > 0)
+            pixels, by_intrinsic, by_point = pixels_and_slopes(camera, inside)
+        seen = in_image(camera, pixels) & (inside[:, 2] > 0)
         by_camera = np.concatenate([by_intrinsic, -by_point @ cross_matrix(inside), -by_point], axis=-1)
         slope = (by_point @ turn) * seen[:, np.newaxis, np.newaxis]
         normal += np.swapaxes(slope, 1, 2) @ slope

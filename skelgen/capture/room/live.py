@@ -73,7 +73,7 @@ class RoomCapture(Recogniser):
     def __enter__(self) -> Self:
         """Load the kernels, which takes a second: cameras that already run would lose images meanwhile."""
         cameras = self.settings.rig.cameras
-        self._balls.find(FrameSet(tuple(np.zeros(eye.size[::-1], dtype=np.uint8) for eye in cameras), 0.0, 0))
+        self._balls.find(FrameSet(tuple(np.zeros(camera.size[::-1], dtype=np.uint8) for camera in cameras), 0.0, 0))
         self._tracker.load()
         self.load()
         return self

@@ -86,31 +86,31 @@ class FitCounter:
             for points, made_by in zip(self._points, self._made_by, strict=True)
         ]
         for camera in bad:
-            yield self._why(camera, float(share[camera]), sure)
+            yield self._cause(camera, float(share[camera]), sure)
 
-    def _why(self, camera: int, share: float, sure: list[Floats]) -> str:
+    def _cause(self, index: int, share: float, sure: list[Floats]) -> str:
         """What is wrong with a camera, judged by the points that the other cameras found."""
-        eye, own = self._rig.cameras[camera], [views[camera] for views in self._views]
-        name, middle = eye.name, (np.array(eye.size) - 1) / 2
+        camera, own = self._rig.cameras[index], [views[index] for views in self._views]
+        name, middle = camera.name, (np.array(camera.size) - 1) / 2
         reasons = {
             f"{name} sends the images of {other.name}: exchange their cables, or their names in the settings": (
-                _explained(other, own, sure)
+                _share_explained(other, own, sure)
             )
-            for index, other in enumerate(self._rig.cameras)
-            if index != camera
+            for number, other in enumerate(self._rig.cameras)
+            if number != index
         }
         for how, signs in _FLIPS.items():
             flipped = [(balls - middle) * signs + middle for balls in own]
             why = f"the images of {name} are {how}: set its driver as it was when it was calibrated"
-            reasons[why] = _explained(eye, flipped, sure)
+            reasons[why] = _share_explained(camera, flipped, sure)
         for late in range(-MOST_LATE, MOST_LATE + 1):
             word = "late" if late > 0 else "early"
             why = f"the images of {name} are {abs(late)} frames {word}: trigger all cameras by one line"
-            reasons[why] = _explained(eye, own, sure, late) if late else 0.0
+            reasons[why] = _share_explained(camera, own, sure, late) if late else 0.0
         best = max(reasons, key=lambda why: reasons[why])
         if reasons[best] > EXPLAINED:
             return best
-        shift, part = _shifted(eye, own, sure)
+        shift, part = _shifted(camera, own, sure)
         if part > LEAST_FIT:
             far = float(np.hypot(*shift))
             return f"{name} looks {far:.0f} px aside of where it was calibrated: it was moved; calibrate again"
@@ -120,14 +120,14 @@ class FitCounter:
         )
 
 
-def _explained(eye: Camera, own: list[Floats], sure: list[Floats], late: int = 0) -> float:
+def _share_explained(camera: Camera, own: list[Floats], sure: list[Floats], late: int = 0) -> float:
     """How many of the balls lie where a camera would see points: 1 if all do exactly."""
     n_points = n_balls = 0
     fitting = 0.0
     for frame, points in enumerate(sure):
         if not 0 <= frame + late < len(own):
             continue
-        expected, balls = _in_view(eye, points), own[frame + late]
+        expected, balls = _in_view(camera, points), own[frame + late]
         n_points, n_balls = n_points + len(expected), n_balls + len(balls)
         fitting += _fitting(balls, expected, NEAR)
     return fitting / min(n_points, n_balls) if min(n_points, n_balls) >= FEWEST_BALLS else 0.0
@@ -141,11 +141,11 @@ def _fitting(balls: Floats, expected: Floats, near: float) -> float:
     return float(np.maximum(1.0 - off**2, 0.0).sum())
 
 
-def _shifted(eye: Camera, own: list[Floats], sure: list[Floats]) -> tuple[Floats, float]:
+def _shifted(camera: Camera, own: list[Floats], sure: list[Floats]) -> tuple[Floats, float]:
     """By how much the balls lie aside of points [px], and which part of them does."""
-    scale = eye.width / WIDTH
+    scale = camera.width / WIDTH
     farthest, step = FARTHEST * scale, BIN * scale
-    gaps, expected = [np.empty((0, 2))], [_in_view(eye, points) for points in sure]
+    gaps, expected = [np.empty((0, 2))], [_in_view(camera, points) for points in sure]
     for places, balls in zip(expected, own, strict=True):
         off = (balls[:, np.newaxis] - places).reshape(-1, 2)
         gaps.append(off[(np.abs(off) <= farthest).all(axis=1)])
@@ -159,9 +159,9 @@ def _shifted(eye: Camera, own: list[Floats], sure: list[Floats]) -> tuple[Floats
     return shift, fitting / max(n_most, 1)
 
 
-def _in_view(eye: Camera, points: Floats) -> Floats:
-    pixels = project(eye, points)
-    return np.asarray(pixels[in_image(eye, pixels)])
+def _in_view(camera: Camera, points: Floats) -> Floats:
+    pixels = project(camera, points)
+    return np.asarray(pixels[in_image(camera, pixels)])
 
 
 MANY_LOST = 0.001

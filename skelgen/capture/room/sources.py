@@ -13,17 +13,9 @@ import numpy as np
 
 from skelgen.capture.calibration.chessboard import Board
 from skelgen.capture.images import IMAGE_SUFFIXES, read_image
+from skelgen.capture.room import simulated
 from skelgen.capture.room.live_sources import EXAMPLES, LiveSets, RecordedTogether, open_live_sets, run_together
 from skelgen.capture.room.points import FrameSet, RoomSource
-from skelgen.capture.room.simulated import (
-    RoomScene,
-    board_poses,
-    frame_scene,
-    person_scene,
-    room_arm,
-    room_rig,
-    wand_scene,
-)
 from skelgen.capture.simulated_rig import render_view
 from skelgen.capture.simulated_rig.board import board_image
 from skelgen.capture.simulated_rig.scene import joints_of, targets_of
@@ -159,7 +151,9 @@ class SimulatedRoom(NothingToOpen):
         What has targets and joints that a capture may look for.
     """
 
-    def __init__(self, scene: RoomScene, rig: CameraRig, seed: int = 0, structure: Structure | None = None) -> None:
+    def __init__(
+        self, scene: simulated.RoomScene, rig: CameraRig, seed: int = 0, structure: Structure | None = None
+    ) -> None:
         self.scene, self.rig, self._seed = scene, rig, seed
         known = ((), ()) if structure is None else (targets_of(structure), joints_of(structure))
         self.settings = RoomSettings(rig, *known)
@@ -205,7 +199,7 @@ class SimulatedBoards(SimulatedRoom):
     def __iter__(self) -> Iterator[FrameSet]:
         """Render one moment after the other."""
         half = ROOM_BOARD.points.mean(axis=0)
-        for frame, pose in enumerate(board_poses(self.rig, self.n_frames, self._seed)):
+        for frame, pose in enumerate(simulated.board_poses(self.rig, self.n_frames, self._seed)):
             held = pose @ transform_from(np.eye(3), -half)
             images: list[Image] = []
             for index, (camera, place) in enumerate(zip(self.rig.cameras, self.rig.places, strict=True)):
@@ -225,22 +219,24 @@ def _open_videos(text: SourceText, options: VideoOptions) -> RoomSource:
 
 
 def _open_room(text: SourceText, options: RoomOptions) -> RoomSource:
-    rig = room_rig(int(options.cameras), (int(options.width), int(options.width) * 3 // 4))
+    rig = simulated.room_rig(int(options.cameras), (int(options.width), int(options.width) * 3 // 4))
     n_frames, seed, rate = int(options.frames), int(options.seed), float(options.rate)
     if text.place == "wand":
-        return SimulatedRoom(wand_scene(rig, n_frames, rate=rate, seed=seed), rig, seed)
+        return SimulatedRoom(simulated.wand_scene(rig, n_frames, rate=rate, seed=seed), rig, seed)
     if text.place == "board":
-        return SimulatedBoards(wand_scene(rig, n_frames, rate=rate, seed=seed), rig, seed)
+        return SimulatedBoards(simulated.wand_scene(rig, n_frames, rate=rate, seed=seed), rig, seed)
     if text.place == "frame":
-        return SimulatedRoom(frame_scene(rig, n_frames), rig, seed)
+        return SimulatedRoom(simulated.frame_scene(rig, n_frames), rig, seed)
     if text.place == "arm":
-        arm = room_arm()
-        scene = _alone(person_scene(rig, n_frames, arm, rate=rate, walk=0.0, seed=seed), arm, str(options.show))
+        arm = simulated.room_arm()
+        scene = _with_some_targets(
+            simulated.person_scene(rig, n_frames, arm, rate=rate, walk=0.0, seed=seed), arm, str(options.show)
+        )
         return SimulatedRoom(scene, rig, seed, arm)
-    return SimulatedRoom(person_scene(rig, n_frames, text.place or "human", rate=rate, seed=seed), rig, seed)
+    return SimulatedRoom(simulated.person_scene(rig, n_frames, text.place or "human", rate=rate, seed=seed), rig, seed)
 
 
-def _alone(scene: RoomScene, arm: Structure, names: str) -> RoomScene:
+def _with_some_targets(scene: simulated.RoomScene, arm: Structure, names: str) -> simulated.RoomScene:
     """The scene with some targets only, or with all if none is named."""
     shown, known = [name.strip() for name in names.split(",") if name.strip()], [limb.name for limb in arm.limbs]
     for name in shown:

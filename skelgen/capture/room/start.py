@@ -86,10 +86,10 @@ def start_values(seen: Floats, wand: Floats, sizes: list[tuple[int, int]], names
         shared = [-1 if camera in order else int((shows[:, camera] & placed).sum()) for camera in range(len(names))]
         camera = int(np.argmax(shared))
         if shared[camera] < LEAST_SHARED:
-            raise InputError(_alone(names[camera], [names[index] for index in order], shared[camera]))
-        eye = _placed_camera(seen[:, camera], bundle, sizes[camera], names[camera])
+            raise InputError(_too_few_shared(names[camera], [names[index] for index in order], shared[camera]))
+        cameras = (*bundle.cameras, _placed_camera(seen[:, camera], bundle, sizes[camera], names[camera]))
         order.append(camera)
-        bundle = _adjusted(replace(bundle, cameras=(*bundle.cameras, eye), seen=seen[:, order]), seen[:, order])
+        bundle = _adjusted(replace(bundle, cameras=cameras, seen=seen[:, order]), seen[:, order])
     cameras = tuple(bundle.cameras[order.index(camera)] for camera in range(len(names)))
     return _without_false(_in_first(replace(bundle, cameras=cameras, seen=seen)))
 
@@ -104,14 +104,14 @@ def _without_false(bundle: WandBundle) -> WandBundle:
     for camera in range(len(bundle.cameras)):
         others = part.seen.copy()
         others[:, camera] = np.nan
-        trial = _replaced(replace(part, seen=others))
+        trial = _with_wands_placed(replace(part, seen=others))
         placed = np.isfinite(trial.first[:, 0]) & np.isfinite(part.seen[:, camera, 0, 0])
         without[placed, camera] = _views_off(trial.of(placed)).max(axis=1)
     seen, best = bundle.seen.copy(), without.argmin(axis=1)
     is_one = without[np.arange(len(wrong)), best] <= limit
     seen[wrong[is_one], best[is_one]] = np.nan
     seen[wrong[~is_one]] = np.nan
-    return _replaced(replace(bundle, seen=seen))
+    return _with_wands_placed(replace(bundle, seen=seen))
 
 
 def _views_off(bundle: WandBundle) -> Floats:
@@ -145,10 +145,10 @@ def check_overlap(shows: Bools, names: list[str]) -> None:
     inside, outside = np.flatnonzero(part == part[0]), np.flatnonzero(part != part[0])
     if len(outside):
         connected = [names[index] for index in inside]
-        raise InputError(_alone(names[outside[0]], connected, int(shared[outside[0], inside].max())))
+        raise InputError(_too_few_shared(names[outside[0]], connected, int(shared[outside[0], inside].max())))
 
 
-def _alone(name: str, others: list[str], shared: int) -> str:
+def _too_few_shared(name: str, others: list[str], shared: int) -> str:
     return (
         f"{name} shares {shared} views of the wand with {', '.join(others)}; at least {LEAST_SHARED} are needed: wave "
         "the wand where both see it"
@@ -194,7 +194,7 @@ def _check_middle(bundle: WandBundle) -> None:
         )
 
 
-def _some(shows: Bools, most: int = MOST_FRAMES) -> Ints:
+def _spread(shows: Bools, most: int = MOST_FRAMES) -> Ints:
     return evenly_spread(np.flatnonzero(shows), most)
 
 
@@ -208,12 +208,12 @@ def _pair(
     seen: Floats, wand: Floats, sizes: tuple[tuple[int, int], tuple[int, int]], names: tuple[str, str]
 ) -> tuple[float, WandBundle] | None:
     """How much the wand's length varies for the best focal lengths of two cameras, and the bundle; None without one."""
-    frames = _some(np.asarray(np.isfinite(seen[..., 0]).all(axis=(1, 2))), FRAMES_OF_PAIR)
+    frames = _spread(np.asarray(np.isfinite(seen[..., 0]).all(axis=(1, 2))), FRAMES_OF_PAIR)
     best: tuple[float, WandBundle] | None = None
     for focal in FOCAL:
         for ratio in (0.7, 1.0, 1.4):
-            eyes = _guess(sizes[0], names[0], focal), _guess(sizes[1], names[1], focal * ratio)
-            found = _placed_pair(seen[frames], wand, eyes)
+            cameras = _guess(sizes[0], names[0], focal), _guess(sizes[1], names[1], focal * ratio)
+            found = _placed_pair(seen[frames], wand, cameras)
             if found is not None and (best is None or found[0] < best[0]):
                 best = found
     if best is None:
@@ -221,20 +221,20 @@ def _pair(
     whole = replace(
         best[1], first=np.full((len(seen), 3), np.nan), direction=np.full((len(seen), 3), np.nan), seen=seen
     )
-    return best[0], _replaced(whole)
+    return best[0], _with_wands_placed(whole)
 
 
-def _placed_pair(seen: Floats, wand: Floats, eyes: tuple[Camera, Camera]) -> tuple[float, WandBundle] | None:
+def _placed_pair(seen: Floats, wand: Floats, cameras: tuple[Camera, Camera]) -> tuple[float, WandBundle] | None:
     """The second camera by its essential matrix, and how much the wand's length varies then."""
     cv2 = opencv()
-    rays = [undistort(eye, seen[:, index].reshape(-1, 2)) for index, eye in enumerate(eyes)]
-    gate = NEAR / min(eye.matrix[0, 0] for eye in eyes)
+    rays = [undistort(camera, seen[:, index].reshape(-1, 2)) for index, camera in enumerate(cameras)]
+    gate = NEAR / min(camera.matrix[0, 0] for camera in cameras)
     essential, _ = cv2.findEssentialMat(*rays, np.eye(3), method=cv2.LMEDS, threshold=gate)
     if essential is None or essential.shape != (3, 3):
         return None
     _, turn, shift, _ = cv2.recoverPose(essential, *rays, np.eye(3), distanceThresh=1e6)[:4]
     second = transform_from(nearest_rotation(turn), shift.ravel())
-    start = WandBundle((eyes[0], replace(eyes[1], camera_from_world=second)), seen, wand, *np.empty((2, 0, 3)))
+    start = WandBundle((cameras[0], replace(cameras[1], camera_from_world=second)), seen, wand, *np.empty((2, 0, 3)))
     balls = _nearest_to_rays(start)
     lengths = np.linalg.norm(balls[:, -1] - balls[:, 0], axis=1)
     usable = np.isfinite(lengths) & (balls[..., 2] > 0).all(axis=1)
@@ -243,10 +243,10 @@ def _placed_pair(seen: Floats, wand: Floats, eyes: tuple[Camera, Camera]) -> tup
     typical = float(np.median(lengths[usable]))
     spread = float(SIGMA_OF_MEDIAN * np.median(np.abs(lengths[usable] / typical - 1.0)) + (~usable).mean())
     second[:3, 3] *= wand[-1] / typical
-    return spread, replace(start, cameras=(eyes[0], replace(eyes[1], camera_from_world=second)))
+    return spread, replace(start, cameras=(cameras[0], replace(cameras[1], camera_from_world=second)))
 
 
-def _replaced(bundle: WandBundle) -> WandBundle:
+def _with_wands_placed(bundle: WandBundle) -> WandBundle:
     """The bundle with the wand placed in all frames in which two of its cameras show it; NaN elsewhere."""
     balls = _nearest_to_rays(bundle)
     direction = unit_vectors(balls[:, -1] - balls[:, 0])
@@ -261,10 +261,10 @@ def _nearest_to_rays(bundle: WandBundle) -> Floats:
     n_frames, _, n_balls = bundle.seen.shape[:3]
     normal, pulled = np.zeros((n_frames, n_balls, 3, 3)), np.zeros((n_frames, n_balls, 3))
     count = np.zeros(n_frames, dtype=np.intp)
-    for index, eye in enumerate(bundle.cameras):
-        rays = undistort(eye, bundle.seen[:, index])
+    for index, camera in enumerate(bundle.cameras):
+        rays = undistort(camera, bundle.seen[:, index])
         shown = np.isfinite(rays).all(axis=(1, 2))
-        turn, shift = eye.camera_from_world[:3, :3], eye.camera_from_world[:3, 3]
+        turn, shift = camera.camera_from_world[:3, :3], camera.camera_from_world[:3, 3]
         along = unit_vectors(np.concatenate([rays[shown], np.ones((int(shown.sum()), n_balls, 1))], axis=2) @ turn)
         across = np.eye(3) - along[..., np.newaxis] * along[..., np.newaxis, :]
         normal[shown] += across
@@ -276,13 +276,13 @@ def _nearest_to_rays(bundle: WandBundle) -> Floats:
 
 def _adjusted(bundle: WandBundle, seen: Floats) -> WandBundle:
     """The bundle of all frames after an adjustment of some."""
-    whole = _replaced(replace(bundle, seen=seen))
+    whole = _with_wands_placed(replace(bundle, seen=seen))
     frames = np.zeros(len(seen), dtype=np.bool_)
-    frames[_some(np.isfinite(whole.first[:, 0]))] = True
+    frames[_spread(np.isfinite(whole.first[:, 0]))] = True
     part = whole.of(frames)
     for numbers in (MIDDLE, LENS):
         part = adjust_room(part, free_numbers(len(part.cameras), numbers)).bundle
-    return _replaced(replace(whole, cameras=part.cameras))
+    return _with_wands_placed(replace(whole, cameras=part.cameras))
 
 
 def _placed_camera(seen: Floats, bundle: WandBundle, size: tuple[int, int], name: str) -> Camera:
@@ -297,12 +297,12 @@ def _placed_camera(seen: Floats, bundle: WandBundle, size: tuple[int, int], name
             )
     if np.linalg.det(found.turn) < 0:
         raise InputError(
-            f"the images of {name} are mirrored against those of {', '.join(eye.name for eye in bundle.cameras)}: "
+            f"the images of {name} are mirrored against those of {', '.join(one.name for one in bundle.cameras)}: "
             "switch off the flipping of images in its driver, or in that of the others"
         )
     focal = float(np.sqrt(found.matrix[0, 0] * found.matrix[1, 1])) / size[0]
-    eye = _guess(size, name, float(np.clip(focal, FOCAL[0], FOCAL[-1])))
-    return replace(eye, camera_from_world=transform_from(nearest_rotation(found.turn), found.shift))
+    camera = _guess(size, name, float(np.clip(focal, FOCAL[0], FOCAL[-1])))
+    return replace(camera, camera_from_world=transform_from(nearest_rotation(found.turn), found.shift))
 
 
 def _resected_at(seen: Floats, bundle: WandBundle, size: tuple[int, int], late: int) -> Resected:
@@ -312,26 +312,26 @@ def _resected_at(seen: Floats, bundle: WandBundle, size: tuple[int, int], late: 
     off = np.linalg.norm(np.nan_to_num(residuals_of(bundle), nan=0.0), axis=-1).max(axis=(1, 2))
     usable = np.isfinite(bundle.first[:, 0]) & np.isfinite(then[..., 0]).all(axis=1)
     fits = usable & (off <= SUSPICIOUS)
-    frames = _some(np.asarray(fits if fits.sum() >= LEAST_SHARED else usable))
+    frames = _spread(np.asarray(fits if fits.sum() >= LEAST_SHARED else usable))
     return resected(bundle.places[frames].reshape(-1, 3), then[frames].reshape(-1, 2), size)
 
 
 def _in_first(bundle: WandBundle) -> WandBundle:
     """The bundle in the first camera's frame."""
     world_from_first = np.asarray(np.linalg.inv(bundle.cameras[0].camera_from_world), dtype=np.float64)
-    cameras = tuple(placed_in(eye, world_from_first) for eye in bundle.cameras)
-    return _replaced(replace(bundle, cameras=cameras))
+    cameras = tuple(placed_in(camera, world_from_first) for camera in bundle.cameras)
+    return _with_wands_placed(replace(bundle, cameras=cameras))
 
 
-def placed_in(eye: Camera, before_from_world: Floats) -> Camera:
+def placed_in(camera: Camera, before_from_world: Floats) -> Camera:
     """Return a camera in another world.
 
     Parameters
     ----------
-    eye : Camera
+    camera : Camera
         In the world before.
     before_from_world : ndarray, shape (4, 4), mm
         The new world in the one before.
     """
-    pose = eye.camera_from_world @ before_from_world
-    return replace(eye, camera_from_world=transform_from(nearest_rotation(pose[:3, :3]), pose[:3, 3]))
+    pose = camera.camera_from_world @ before_from_world
+    return replace(camera, camera_from_world=transform_from(nearest_rotation(pose[:3, :3]), pose[:3, 3]))

@@ -209,10 +209,10 @@ def board_places(board: Board, rig: StereoRig, n_places: int, seed: int = 0) -> 
 
 def _candidates(board: Board, rig: StereoRig, rng: np.random.Generator) -> tuple[Floats, list[tuple[Floats, Floats]]]:
     """Places that both cameras see whole, and the corners in both images."""
-    eyes = [np.linalg.inv(camera.camera_from_world) for camera in (rig.left, rig.right)]
-    middle, ahead = (eyes[0][:3, 3] + eyes[1][:3, 3]) / 2, eyes[0][:3, 2] + eyes[1][:3, 2]
+    poses = [np.linalg.inv(camera.camera_from_world) for camera in (rig.left, rig.right)]
+    middle, ahead = (poses[0][:3, 3] + poses[1][:3, 3]) / 2, poses[0][:3, 2] + poses[1][:3, 2]
     ahead /= np.linalg.norm(ahead)
-    level = eyes[0][:3, 0] - (eyes[0][:3, 0] @ ahead) * ahead
+    level = poses[0][:3, 0] - (poses[0][:3, 0] @ ahead) * ahead
     level /= np.linalg.norm(level)
     facing = np.stack([level, np.cross(ahead, level), ahead], axis=1)
     centre = board.points.mean(axis=0)

@@ -192,8 +192,8 @@ def scene_of_structure(
     hidden = np.zeros((len(seen), 2, body.n_markers), dtype=np.bool_)
     if hide:
         for side, camera in enumerate((rig.left, rig.right)):
-            eye = np.asarray(np.linalg.inv(camera.camera_from_world @ rig_from_simulation)[:3, 3], dtype=np.float64)
-            hidden[:, side] = blocked_by_limbs(body, truth.world_from_limb, truth.marker_positions, eye)
+            centre = np.asarray(np.linalg.inv(camera.camera_from_world @ rig_from_simulation)[:3, 3], dtype=np.float64)
+            hidden[:, side] = blocked_by_limbs(body, truth.world_from_limb, truth.marker_positions, centre)
     targets, joints = targets_of(body), joints_of(body)
     there = moved_truth(truth, rig_from_simulation)
     owners, rate = body.limb_of_marker, simulated.take.rate

@@ -121,8 +121,8 @@ def look_at(camera: Camera, points: Floats, parameters: RenderParameters) -> tup
     radius = parameters.diameter / 2
     places = moved_points(camera.camera_from_world, points)
     distances = np.linalg.norm(places, axis=1)
-    eye = -camera.camera_from_world[:3, :3].T @ camera.camera_from_world[:3, 3]
-    outlines = project(camera, _outlines(points, eye, radius))
+    centre = -camera.camera_from_world[:3, :3].T @ camera.camera_from_world[:3, 3]
+    outlines = project(camera, _outlines(points, centre, radius))
     areas = _polygon_areas(outlines)
     windows = _windows(outlines, camera)
     with np.errstate(invalid="ignore"):
@@ -162,16 +162,16 @@ def _lobe(distances: Floats) -> Floats:
     return np.asarray(np.exp(-((np.arctan2(_LAMP_OFFSET, distances) / _LAMP_LOBE) ** 2) / 2))
 
 
-def _outlines(points: Floats, eye: Floats, radius: float) -> Floats:
-    """Points on the circle along which rays from the eye touch a ball, shape (n_balls, `_OUTLINE_POINTS`, 3), mm."""
-    sight = points - eye
+def _outlines(points: Floats, centre: Floats, radius: float) -> Floats:
+    """Points [mm] on the circle where rays from a camera touch a ball, shape (n_balls, `_OUTLINE_POINTS`, 3)."""
+    sight = points - centre
     distances = np.maximum(np.linalg.norm(sight, axis=1, keepdims=True), radius)
     direction = sight / distances
     aside, up, _ = np.moveaxis(frame_along(direction), -1, 0)
     shrunk = 1 - (radius / distances) ** 2
     turn = 2 * np.pi * np.arange(_OUTLINE_POINTS)[:, np.newaxis] / _OUTLINE_POINTS
     circle = np.cos(turn) * aside[:, np.newaxis] + np.sin(turn) * up[:, np.newaxis]
-    centres = eye + sight * shrunk
+    centres = centre + sight * shrunk
     return np.asarray(centres[:, np.newaxis] + radius * np.sqrt(shrunk)[:, np.newaxis] * circle)
 
 

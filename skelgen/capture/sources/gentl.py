@@ -9,16 +9,7 @@ from types import ModuleType
 from typing import Any
 
 from skelgen.capture.images import extra_module
-from skelgen.capture.sources.genicam import (
-    FrameNumber,
-    SharedClock,
-    close_at_the_end,
-    errors_in_words,
-    first_size,
-    grey,
-    named,
-    only_two,
-)
+from skelgen.capture.sources import genicam
 from skelgen.capture.sources.options import GenicamOptions
 from skelgen.capture.sources.pairs import Opener, Shot, with_rate
 from skelgen.errors import CaptureError, ParameterError
@@ -99,16 +90,16 @@ class GentlCamera:
 
     def __init__(self, harvester: Any, device: Any, options: GenicamOptions, stack: ExitStack) -> None:
         self.name = f"camera {device.id_} ({device.vendor} {device.model})"
-        self._clock, self._number = SharedClock(), FrameNumber()
-        with errors_in_words(self.name, *_errors()):
+        self._clock, self._number = genicam.SharedClock(), genicam.FrameNumber()
+        with genicam.errors_in_words(self.name, *_errors()):
             self._camera = harvester.create({"id_": device.id_})
-            close_at_the_end(stack, self._camera.destroy, *_genicam_error())
+            genicam.close_at_the_end(stack, self._camera.destroy, *_genicam_error())
             self._camera.num_buffers = max(_BUFFERS, self._camera.min_num_buffers)
             self.capacity = self._camera.num_buffers
             self.rate = _set_up(self._camera.remote_device.node_map, options)
             self._camera.start()
-            close_at_the_end(stack, self._camera.stop, *_genicam_error())
-        self.size = first_size(self, options)
+            genicam.close_at_the_end(stack, self._camera.stop, *_genicam_error())
+        self.size = genicam.first_size(self, options)
 
     def take(self, timeout: float) -> Shot | None:
         """Return the next image, or None if none comes in time.
@@ -118,7 +109,7 @@ class GentlCamera:
         CaptureError
             If the producer fails, or sends no grey images.
         """
-        with errors_in_words(self.name, *_errors()):
+        with genicam.errors_in_words(self.name, *_errors()):
             buffer = self._camera.try_fetch(timeout=max(timeout, _LEAST_WAIT))
             if buffer is None:
                 return None
@@ -129,22 +120,22 @@ class GentlCamera:
                 if values.size == image.height * image.width:
                     values = values.reshape(image.height, image.width)
                 taken = self._clock.time(_device_time(buffer), arrived)
-                return Shot(grey(values, image.data_format, self.name), taken, self._number.of(buffer.frame_id))
+                return Shot(genicam.grey(values, image.data_format, self.name), taken, self._number.of(buffer.frame_id))
 
 
 def _open(stack: ExitStack, producer: Path, names: tuple[str, ...], options: GenicamOptions) -> list[GentlCamera]:
-    with errors_in_words(str(producer), *_errors()):
+    with genicam.errors_in_words(str(producer), *_errors()):
         harvester = _harvesters().Harvester()
-        close_at_the_end(stack, harvester.reset, *_genicam_error())
+        genicam.close_at_the_end(stack, harvester.reset, *_genicam_error())
         harvester.add_file(str(producer))
         harvester.update()
     found = list(harvester.device_info_list)
     listed = "found " + (", ".join(device.id_ for device in found) or "no camera; check cables and power")
     if not names:
-        chosen = only_two(found, f"{producer} {listed}", EXAMPLE)
+        chosen = genicam.only_two(found, f"{producer} {listed}", EXAMPLE)
     else:
         known = [(device.id_, _serial(device)) for device in found]
-        chosen = named(found, known, names, f"{producer} has no camera", listed)
+        chosen = genicam.named(found, known, names, f"{producer} has no camera", listed)
     return [GentlCamera(harvester, device, options, stack) for device in chosen]
 
 

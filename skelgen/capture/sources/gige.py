@@ -7,16 +7,7 @@ from types import ModuleType
 from typing import Any
 
 from skelgen.capture.images import extra_module
-from skelgen.capture.sources.genicam import (
-    FrameNumber,
-    SharedClock,
-    close_at_the_end,
-    errors_in_words,
-    first_size,
-    grey,
-    named,
-    only_two,
-)
+from skelgen.capture.sources import genicam
 from skelgen.capture.sources.options import GenicamOptions
 from skelgen.capture.sources.pairs import Opener, Shot, with_rate
 from skelgen.errors import CaptureError
@@ -59,16 +50,16 @@ class GigeCamera:
     def __init__(self, device: Any, options: GenicamOptions, stack: ExitStack) -> None:
         self._viva = _viva()
         self.name = f"camera {device.ip} ({device.manufacturer} {device.model})"
-        self._clock, self._number = SharedClock(), FrameNumber()
-        with errors_in_words(self.name, self._viva.GenicamError):
+        self._clock, self._number = genicam.SharedClock(), genicam.FrameNumber()
+        with genicam.errors_in_words(self.name, self._viva.GenicamError):
             self._camera = self._viva.connect_gige(device)
-            close_at_the_end(stack, self._camera.close, self._viva.GenicamError)
+            genicam.close_at_the_end(stack, self._camera.close, self._viva.GenicamError)
             self.rate = _set_up(self._camera, options)
             self._ticks = int.from_bytes(self._camera.read_register(_TICKS_REGISTER, 8), "big")
             self._stream = self._camera.stream()
             self._stream.__enter__()
-            close_at_the_end(stack, lambda: self._stream.__exit__(None, None, None), self._viva.GenicamError)
-        self.size = first_size(self, options)
+            genicam.close_at_the_end(stack, lambda: self._stream.__exit__(None, None, None), self._viva.GenicamError)
+        self.size = genicam.first_size(self, options)
 
     def take(self, timeout: float) -> Shot | None:
         """Return the next image, or None if none comes in time.
@@ -78,7 +69,7 @@ class GigeCamera:
         CaptureError
             If another program took the camera, or it answers no more.
         """
-        with errors_in_words(self.name, self._viva.GenicamError):
+        with genicam.errors_in_words(self.name, self._viva.GenicamError):
             try:
                 frame = self._stream.next_frame(int(timeout * 1000))
             except self._viva.TransportError as error:
@@ -91,7 +82,7 @@ class GigeCamera:
             raise CaptureError(f"{self.name} has ended its stream")
         arrived = clock.time()
         taken = frame.ts_dev / self._ticks if self._ticks and frame.ts_dev else None
-        image = grey(frame.to_numpy(), frame.pixel_format, self.name)
+        image = genicam.grey(frame.to_numpy(), frame.pixel_format, self.name)
         return Shot(image, self._clock.time(taken, arrived), self._number.of(frame.block_id))
 
     def _check_control(self) -> None:
@@ -101,13 +92,13 @@ class GigeCamera:
 
 def _open(stack: ExitStack, addresses: tuple[str, ...], options: GenicamOptions) -> list[GigeCamera]:
     viva = _viva()
-    with errors_in_words("the network", viva.GenicamError):
+    with genicam.errors_in_words("the network", viva.GenicamError):
         found = viva.discover(timeout_ms=_DISCOVERY_MS, all=True)
     found = sorted(found, key=lambda device: [int(part) for part in device.ip.split(".")])
     names, listed = [(device.ip, device.mac.lower()) for device in found], _listed(found)
     lower = tuple(address.lower() for address in addresses)
     none = "no GigE Vision camera answers at"
-    chosen = named(found, names, lower, none, listed) if lower else only_two(found, listed, EXAMPLE)
+    chosen = genicam.named(found, names, lower, none, listed) if lower else genicam.only_two(found, listed, EXAMPLE)
     return [GigeCamera(device, options, stack) for device in chosen]
 
 

@@ -101,7 +101,7 @@ def person(marker_set: str, height: float, rng: np.random.Generator, placed: flo
     body = resized(Structure(marker_set, tuple(_unmarked_limbs())), scales)
     markers = worn_markers(marker_set)
     missed = np.array([[max(one.misplaced, placed)] for one in markers]) * rng.normal(size=(len(markers), 3))
-    worn, kept, order = _dressed(body, marker_set, scales, missed)
+    worn, kept, order = _with_worn_markers(body, marker_set, scales, missed)
     tissue_factors = np.array([tissue_factor_at(markers[index].place) for index in order])
     plates = tuple(markers[index].plate for index in order)
     return Person(body, worn, np.array(kept, dtype=np.intp), tissue_factors, plates, _contacts(scales))
@@ -112,10 +112,10 @@ def usual_person(marker_set: str) -> Structure:
     """Return somebody of usual proportions, `HEIGHT` tall, whose markers of a set are stuck where they belong."""
     body = Structure(marker_set, tuple(_unmarked_limbs()))
     same = dict.fromkeys(body.limb_names, np.ones(3))
-    return _dressed(body, marker_set, same, np.zeros((len(worn_markers(marker_set)), 3)))[0]
+    return _with_worn_markers(body, marker_set, same, np.zeros((len(worn_markers(marker_set)), 3)))[0]
 
 
-def _dressed(
+def _with_worn_markers(
     body: Structure, marker_set: str, scales: dict[str, Floats], missed: Floats
 ) -> tuple[Structure, list[int], list[int]]:
     """Put the markers of a set on a body; also return the limbs that are left, and the order of the markers."""
@@ -126,7 +126,7 @@ def _dressed(
         names = tuple(markers[index].name for index in mine)
         limbs.append(replace(one, markers=np.array(places).reshape(-1, 3), marker_names=names))
         order += mine
-    kept = _marked(limbs)
+    kept = _limbs_with_markers(limbs)
     return Structure(marker_set, tuple(limbs[index] for index in kept)), kept, order
 
 
@@ -159,7 +159,7 @@ def _scales(height: float, rng: np.random.Generator) -> dict[str, Floats]:
     return {one.name: scales[one.name.removeprefix("left ").removeprefix("right ")] for one in _unmarked_limbs()}
 
 
-def _marked(limbs: list[LimbModel]) -> list[int]:
+def _limbs_with_markers(limbs: list[LimbModel]) -> list[int]:
     """Places of the limbs that are left when ends without markers are removed, again and again."""
     kept = list(range(len(limbs)))
     for index in reversed(range(len(limbs))):

@@ -12,7 +12,7 @@ from skelgen_gui.model.labelling import answers, marker_rows, names_left, naming
 from skelgen_gui.model.selection import Marked, Selection
 
 import skelgen
-from skelgen.app.standing import open_questions
+from skelgen.app.advice import open_questions
 from skelgen.errors import InputError
 from skelgen.model import Labelling, PointCloud, Trajectories
 from skelgen.model.labelling import Doubt, Tracklets

@@ -93,6 +93,19 @@ def test_forms_of_the_stages_fit_beside_their_bars(qtbot, window, person, rods):
         assert area.horizontalScrollBar().maximum() == 0, stage
 
 
+def test_options_of_every_export_fit_into_the_narrowest_window(qtbot, window, person, rods):
+    person.opens(rods)
+    page = window.pages.page("export")
+    window.pages.resize(window.pages.minimumWidth(), window.pages.height())
+    area = page.findChild(QScrollArea)
+    qtbot.waitUntil(lambda: area.viewport().width() > 0)
+    room = area.width() - area.verticalScrollBar().sizeHint().width()
+    for number, entry in enumerate(page.formats):
+        page.choice.setCurrentIndex(number)
+        person.waits()
+        assert area.widget().minimumSizeHint().width() <= room, entry.name
+
+
 def test_a_step_with_nothing_to_look_at_shows_no_empty_list(window, person, rods):
     person.opens(rods)
     person.runs_all()

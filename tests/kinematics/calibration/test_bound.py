@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skelgen.evaluation.bound import true_chain as chain_of_truth
+from skelgen.evaluation.joints import true_chain as chain_of_truth
 from skelgen.kinematics.calibration.calibrate import calibrate
 from skelgen.kinematics.calibration.uncertainty import cramer_rao_bound, expected_distance
 from skelgen.kinematics.chain.articulation import Articulation

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import skelgen
-from skelgen.app.advice import advice_on
-from skelgen.app.standing import open_questions, standing_markers
+from skelgen.app.advice import advice_on, open_questions, standing_markers
 from skelgen.model import Identities, Identity, Labelling, PointCloud, Project, StageReport, Trajectories
 from skelgen.model.labelling import Doubt, Tracklets
 from skelgen.simulation import simulate
