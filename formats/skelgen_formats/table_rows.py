@@ -5,7 +5,6 @@ import math
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
 
 from skelgen.progress import counted
 from skelgen_formats.text import is_number, is_unseen, seconds_of, unquoted
@@ -164,8 +163,8 @@ def with_seconds(numbered: Iterable[tuple[int, str]], head: Head) -> Iterator[tu
         cells = line.split(head.delimiter) if clock and (is_first or not is_plain) else []
         if clock and len(cells) > max(clock.column, clock.fraction or 0):
             if is_first:
-                is_plain = clock.fraction is None and is_number(cells[clock.column].strip())
-                head.clock = clock if is_plain else replace(clock, second=1.0)
+                head.clock = clock.told_by(cells[clock.column])
+                is_plain = head.clock is clock
             cells[clock.column] = cells[clock.column] if is_plain else clock.moment(cells)
         is_first = False
         yield number, (head.delimiter or " ").join(cells) if cells else line

@@ -12,7 +12,7 @@ times tell them; where nothing tells them, the rows of a name follow each other.
 from array import array
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -100,7 +100,7 @@ def read_tidy(path: Path, lines: Lines, options: Options) -> Trajectories | Poin
     shape = (len(every), n_names * _n_points_of_name(head))
     numbers = spread(path, cells, np.stack([places, points], axis=1), shape)
     times = np.array([rows.times[frame] for frame in every.tolist() if frame in rows.times])  # of the first trial
-    stamps = since_first(times, head.clock.second) if len(times) and head.clock else None
+    stamps = since_first(times, head.clock.second, head.clock.counts_frames) if len(times) and head.clock else None
     bodies = [f"body {number + 1}" if number else "body" for number in range(n_names)]
     names = bodies if width > len(AXES) and "name" not in at else _distinct([*rows.names])
     numbers = numbers.reshape(len(every), n_names, width * _n_points_of_name(head))
@@ -132,8 +132,7 @@ def _rows(path: Path, lines: Lines, head: TidyHead) -> _Rows:
         if clock and not rows.frames:
             if head.frames is not None and not is_number(cells[head.frames].strip()):
                 head.frames = None  # names of images
-            if not is_number(cells[clock.column].strip()):
-                head.clock = replace(clock, second=1.0)
+            head.clock = clock.told_by(cells[clock.column])
         along = AXES.find(cells[at["axis"]].strip().lower()[-1:] or " ") if "value" in at else 0
         if "value" in at and at["axis"] == at["name"]:
             cells[at["name"]] = AXIS_IN_NAME.sub("", cells[at["name"]].strip())

@@ -156,7 +156,7 @@ def _numbers_of(
         some = with_seconds(padded_rows(few, len(lines), head.n_cells, head.delimiter, []), head)
         stamps = parse_rows(path, some, head.n_cells, head.delimiter, times)[:, 0]
         head.notices.append(f"the frame rate is that of the first {len(stamps)} time stamps")
-    return rows[:, :-1], since_first(stamps, head.clock.second)
+    return rows[:, :-1], since_first(stamps, head.clock.second, head.clock.counts_frames)
 
 
 def _seen(rows: Floats, chosen: Sequence[Body], notices: list[str]) -> Floats:

@@ -178,3 +178,15 @@ def test_bodies_count_more_than_a_single_point(put):
     take = read_take(put("gaze.csv", f"Frame,{titles}\n" + "".join(f"{n},1,2,3,0,0,0,1,4,5,{n}\n" for n in range(3))))
     assert isinstance(take, Poses)
     assert "1 point without a rotation is left out" in take.notices
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        *("# sampling_rate_hz: 50", "Sample rate (samples/sec),50", "FPS 50", "Hz,50", "Rate,50,Hz", "Bildrate,50"),
+        *("Fréquence d'échantillonnage,50", "采样频率,50", "dt,0.02", "Sampling interval (ms): 20", "period,20 ms"),
+    ],
+)
+def test_rate_above_the_titles_may_be_written_in_many_ways(put, line):
+    take = read_take(put("rate.csv", f"{line}\na_x,a_y,a_z,b_x,b_y,b_z\n" + "1,2,3,4,5,6\n" * 3))
+    assert take.rate == pytest.approx(50.0)
