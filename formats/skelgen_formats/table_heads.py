@@ -52,6 +52,7 @@ _STATED = re.compile(
     re.IGNORECASE,
 )
 _BEFORE_NUMBER = re.compile(r"(.*?[^\W\d].*?) ([\d.]+)")  # FPS 200
+_WITH_UNIT = re.compile(r"[-+]?[\d.,]+(?:e[-+]?\d+)? ?(mm|cm|m)", re.IGNORECASE)  # 12.3 mm
 _APART = re.compile(r" {2,}")  # two statements in a line
 CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
 """Where words of one title meet: posUnit, SegmentName."""
@@ -92,6 +93,7 @@ def find_head(lines: Sequence[str]) -> Head | None:
             if (head := find(every[first : first + _TITLE_LINES])) is not None:
                 head.delimiter, head.n_lines = delimiter, head.n_lines + first
                 _read_preamble(head, every[:first])
+                _read_groups(head, every[first - 1 : first])
                 _pass_further_titles(head, every)
                 _read_names(head, every)
                 _read_rows(head, every)
@@ -148,6 +150,17 @@ def _read_preamble(head: Head, before: list[list[str]]) -> None:
             head.rate = head.rate or (value.rstrip(" Hzfps") if stated[1] else _rate_of_step(value, stated[3] or "s"))
 
 
+def _read_groups(head: Head, above: list[list[str]]) -> None:
+    """Write the words of a line above the names before these where they tell columns apart: subjects, or velocities."""
+    row = [cell for cells in above for cell in cells] + [""] * head.n_cells
+    starts = [body.place["x"] for body in head.bodies]
+    words = [next(filter(None, reversed(row[: start + 1])), "") for start in starts]  # cells may be merged
+    are_over = all({row[at] for at in body.place.values()} <= {row[body.place["x"]], ""} for body in head.bodies)
+    if are_over and len({*words}) > 1 and "" not in words and not any(map(is_number, words)):
+        for body, word in zip(head.bodies, words, strict=True):
+            body.name = f"{word}:{body.name}"
+
+
 def _rate_of_step(value: str, unit: str) -> str:
     """Return the frame rate as text, of a time from frame to frame such as 5 ms, or in the unit of its title."""
     seconds = seconds_of(value if value[-1:].isalpha() else f"{value} {unit}")
@@ -189,6 +202,10 @@ def _read_names(head: Head, every: list[list[str]]) -> None:
 def _read_rows(head: Head, every: list[list[str]]) -> None:
     """Find out whether rows of several take turns, and leave out flags that hold no 0 or 1."""
     rows = every[head.n_lines :]
+    cells = [row[column] for row in rows for body in head.bodies for column in body.place.values() if column < len(row)]
+    written = {match[1] for cell in cells if (match := _WITH_UNIT.fullmatch(cell))}
+    if len(written) == 1:
+        head.unit_in_cells, head.unit = next(iter(written)), next(iter(written))
     for body in head.bodies:
         is_flag = body.flag is None or all(
             [*map(str.lower, row[body.flag : body.flag + 1])] in _FLAGS for row in rows[:1]

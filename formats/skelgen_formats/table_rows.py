@@ -89,8 +89,8 @@ def unquoted_rows(lines: Iterable[tuple[int, str]], delimiter: str | None, least
             yield number, unquoted(line, delimiter)
 
 
-def with_flags(numbered: Iterable[tuple[int, str]], head: Head) -> Iterator[tuple[int, str]]:
-    """Yield lines with 1 and 0 for true and false, if flags say which points are seen.
+def with_numbers(numbered: Iterable[tuple[int, str]], head: Head) -> Iterator[tuple[int, str]]:
+    """Yield lines with 1 and 0 for true and false, if flags say which points are seen, and without units in cells.
 
     Parameters
     ----------
@@ -100,8 +100,10 @@ def with_flags(numbered: Iterable[tuple[int, str]], head: Head) -> Iterator[tupl
         Of the table.
     """
     are_there = any(body.flag is not None for body in head.bodies)
+    unit = re.compile(rf"(?<=[\d.]) ?{head.unit_in_cells}\b") if head.unit_in_cells else None
     for number, line in numbered:
-        yield number, _FLAG.sub(lambda flag: f"{int(flag[0].lower() == 'true')}", line) if are_there else line
+        plain = unit.sub("", line) if unit else line
+        yield number, _FLAG.sub(lambda flag: f"{int(flag[0].lower() == 'true')}", plain) if are_there else plain
 
 
 def without_remarks(

@@ -11,10 +11,11 @@ from itertools import groupby
 
 from skelgen_formats.body_columns import Body
 from skelgen_formats.clock_titles import clock_of, is_frame
+from skelgen_formats.spelling import spelt
 from skelgen_formats.table_heads import CAMEL, DELIMITERS, with_row_names
 from skelgen_formats.text import is_number, unquoted, words_of
 from skelgen_formats.title_lines import Head
-from skelgen_formats.titles import bodies_of, nameless_body, spelt
+from skelgen_formats.titles import bodies_of, nameless_body
 from skelgen_formats.turn_titles import AXES
 
 _ENDS = (

@@ -10,7 +10,7 @@ AXES = "xyz"
 COMPONENTS = "wxyz"
 """Of a unit quaternion, scalar first."""
 
-BETWEEN = r"[ _.:/|-]"
+BETWEEN = r"[ _.:/|>-]"
 """What stands between the name of a point and its axis, in a regular expression."""
 
 _TURN_WORD = rf"(?:(?:(?:quat|quaternion)(?:_wxyz|_xyzw)?|rot|rotation|ori|orientation){BETWEEN}?){{1,2}}"

@@ -190,3 +190,28 @@ def test_bodies_count_more_than_a_single_point(put):
 def test_rate_above_the_titles_may_be_written_in_many_ways(put, line):
     take = read_take(put("rate.csv", f"{line}\na_x,a_y,a_z,b_x,b_y,b_z\n" + "1,2,3,4,5,6\n" * 3))
     assert take.rate == pytest.approx(50.0)
+
+
+@pytest.mark.parametrize("merged", [False, True])
+def test_level_above_the_names_tells_subjects_apart(put, merged):
+    above = ",S1,,,S2,," if merged else ",S1,S1,S1,S2,S2,S2"
+    take = read_take(put("subjects.csv", f"{above}\n,knee,knee,knee,knee,knee,knee\n,x,y,z,x,y,z\n" + rows("{0},")))
+    check(take, ("S1:knee", "S2:knee"))
+
+
+def test_level_above_the_names_tells_velocities(put):
+    lines = [",pos,,,,,,vel,,,,,", ",a,,,b,,,a,,,b,,", "t" + ",x,y,z" * 4]
+    cells = [line.removesuffix("\n") for line in rows("{1},").splitlines()]
+    take = read_take(put("kinds.csv", "\n".join([*lines, *(line + ",1,2,3,4,5,6" for line in cells)]) + "\n"))
+    check(take)
+
+
+def test_words_above_other_columns_are_no_level_of_titles(put):
+    take = read_take(put("above.csv", f"Subject,Anna,Date,Monday,,,\nframe,{TITLES}\n" + rows("{0},")))
+    check(take)
+
+
+def test_level_of_axes_may_stand_above_the_names(put):
+    cells = [",".join(f"{x:g}" for x in POSITIONS[0].T.ravel())] * 2
+    take = read_take(put("axes.csv", ",x,x,y,y,z,z\n,a,b,a,b,a,b\n0," + cells[0] + "\n1," + cells[1] + "\n"))
+    check(take)

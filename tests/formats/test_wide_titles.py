@@ -200,3 +200,34 @@ def test_lengths_may_be_in_inches_or_feet(put, title, mm):
 def test_names_in_cells_stand_before_or_behind_their_points(put, titles):
     rows = ["hip,1,2,3,toe,4,5,6\n" if titles.startswith("J") else "1,2,3,hip,4,5,6,toe\n"] * 2
     assert read_take(put("cells.csv", titles + "\n" + "".join(rows))).names == ("hip", "toe")
+
+
+@pytest.mark.parametrize("axes", ["AP ML V", "A/P M/L S/I", "forward left up", "East North Up"])
+def test_directions_in_words_are_axes(put, axes):
+    titles = ",".join(f"{name}_{axis}" for name in ("knee", "toe") for axis in axes.split())
+    take = read_take(put("words.csv", f"{titles}\n{rows()}"))
+    assert take.names == ("knee", "toe")
+    np.testing.assert_allclose(take.positions, POSITIONS)
+    assert any("directions in words" in notice for notice in take.notices)
+
+
+@pytest.mark.parametrize(
+    "title", ["{n}_{a}_position [mm]", "{n} {a} in mm", "{a}_{n}_mm", "{n}->{a} (mm)", "{n} {a} pos (mm)"]
+)
+def test_axes_and_units_may_stand_in_other_places(put, title):
+    titles = ",".join(title.format(n=name, a=axis) for name in ("knee", "toe") for axis in "xyz")
+    take = read_take(put("places.csv", f"{titles}\n{rows()}"))
+    assert take.names == ("knee", "toe")
+    assert not any("no length unit" in notice for notice in take.notices)
+
+
+def test_titles_of_three_levels_in_one_cell_are_names(put):
+    titles = ",".join(f"\"('{name}', 'pos', '{axis}')\"" for name in ("knee", "toe") for axis in "xyz")
+    take = read_take(put("levels.csv", f"\"('time', '', '')\",{titles}\n" + rows("{1},")))
+    assert (take.names, take.rate) == (("knee", "toe"), 50.0)
+
+
+def test_velocities_of_points_of_one_letter_are_no_points(put):
+    titles = ",".join(f"{bone}-{what}-{axis}" for bone in ("01", "02") for what in "XV" for axis in "xyz")
+    take = read_take(put("bones.csv", titles + "\n" + ",".join(map(str, range(12))) + "\n"))
+    assert take.names == ("01-X", "02-X")
