@@ -2,10 +2,10 @@
 
 Lists of objects are taken apart into a list for each of their keys, so that ``[{"t": 0, "knee": [1, 2, 3]}, ...]``
 becomes times and the positions of a knee; so are objects in them, and objects whose keys are numbers. ``{"x": 1, "y":
-2, "z": 3}`` is a position. Where each frame lists points with their names, they may be in any order, or missing. What
-is then a list of numbers of any shape is an array, called by the end of its path that no other has; which of them are
-positions, names, rate or times `skelgen_formats.named_arrays` finds. The markers of Track Manager stand in parts, from
-one frame to another.
+2, "z": 3}`` is a position. Where each frame lists points with their names, they may be in any order, or missing; so
+may people with an id, or several without one. What is then a list of numbers of any shape is an array, called by the
+end of its path that no other has; which of them are positions, names, rate or times `skelgen_formats.named_arrays`
+finds. The markers of Track Manager stand in parts, from one frame to another.
 """
 
 import contextlib
@@ -26,6 +26,7 @@ from skelgen_formats.named_arrays import take_from_arrays
 from skelgen_formats.options import POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
 from skelgen_formats.row_owners import array_from_records
 from skelgen_formats.summary_json import SCHEMA
+from skelgen_formats.table_heads import CAMEL
 from skelgen_formats.tidy import read_tidy
 from skelgen_formats.tidy_heads import find_tidy_head
 from skelgen_formats.turn_titles import AXES
@@ -37,6 +38,10 @@ _POSITION = "position"
 _PLACE_WORDS = (_POSITION, "positions", "pos", "translation", "location", "coordinates", "xyz", "data")
 _OTHERWISE = "this is JSON; write the points as TRC or wide CSV, those of images triangulated first"
 _DEEPEST, _MOST_TIMES = 64, 1000  # objects in objects; frames for each one that is listed
+_OWNER = re.compile(
+    r"(?:(?:body|person|people|subject|user|player|actor|skeleton|track(?:ing)?|instance)_?)?(?:id|index)"
+)
+_OF_FRAME = re.compile(r"(?:frame|image|img|time|t)[ _-]?\d+(?:\.\w+)?", re.IGNORECASE)  # frame_0001
 
 _Path = tuple[str, ...]
 
@@ -67,7 +72,11 @@ def read_json(path: Path, options: Options) -> Trajectories | PointCloud | Poses
         lines = Lines(path, "\n".join(_table(value)).encode(), "utf-8")
         if find_tidy_head(lines) is not None:
             return read_tidy(path, lines, options)
-        leaves = dict(_leaves(_with_whole_markers(value), ()))
+        counts: dict[_Path, Counter[Any]] = {}
+        value = _plain(_with_whole_markers(value))
+        _find_owners(value, (), counts, in_frame=False)
+        owners = {key: _listed(count) for key, count in counts.items()}
+        leaves = dict(_leaves(_by_owner(value, (), owners), ()))
         arrays = {key: _array(leaf) for key, leaf in _spread(path, leaves).items()}
     except (ValueError, TypeError, LookupError, RecursionError, OverflowError) as error:
         raise FormatError(path, "", f"no JSON, or damaged: {' '.join(str(error).split())[:100]}") from error
@@ -133,7 +142,7 @@ def _plain(value: Any) -> Any:
         return [_plain(one) if isinstance(one, (dict, list)) else one for one in value]
     if not isinstance(value, dict) or not value:
         return value
-    if all(key.isdecimal() for key in value):
+    if all(map(str.isdecimal, value)) or (len(value) > 1 and all(map(_OF_FRAME.fullmatch, value))):
         return [_plain(one) for one in value.values()]
     axes = {key.lower(): key for key in value if key.lower() in AXES and not isinstance(value[key], dict)}
     if len(axes) < len(AXES):
@@ -143,6 +152,49 @@ def _plain(value: Any) -> Any:
     place = [value[axes[axis]] for axis in AXES]
     others = {key: one for key, one in value.items() if key not in axes.values()}
     return {**others, _POSITION: place} if others else place
+
+
+def _find_owners(value: Any, path: _Path, owners: dict[_Path, Counter[Any]], *, in_frame: bool) -> None:
+    """Count whose objects the lists of frames hold, by their ids, and the lists themselves as those of None."""
+    if isinstance(value, list):
+        if in_frame and value and all(isinstance(one, dict) for one in value):
+            owners.setdefault(path, Counter()).update([None, *_ids(value)])
+        for one in value:
+            _find_owners(one, path, owners, in_frame=True)
+    elif isinstance(value, dict):
+        for key, one in value.items():
+            _find_owners(one, (*path, key), owners, in_frame=in_frame)
+
+
+def _listed(count: Counter[Any]) -> list[Any]:
+    """Return the owners of objects in an order, empty if they have none."""
+    n_lists = count.pop(None)
+    if n_lists * len(count) > _MOST_TIMES * count.total():
+        raise ValueError("ids that hardly any frame has again")
+    return sorted(count) if all(isinstance(one, int) for one in count) else [*count]
+
+
+def _ids(objects: Sequence[dict[str, Any]]) -> list[Any]:
+    """Return the id of each object; their places in the list if they have none of their own."""
+    if any(key.lower() in _NAME_KEYS or key.lower().endswith("name") for key in objects[0]):
+        return []
+    key = next((key for key in objects[0] if _OWNER.fullmatch(CAMEL.sub("_", key).lower())), "")
+    ids = [one.get(key) for one in objects]
+    are_own = all(isinstance(one, (str, int)) for one in ids) and len({*ids}) == len(ids)
+    return ids if are_own else [*range(len(objects))]
+
+
+def _by_owner(value: Any, path: _Path, owners: Mapping[_Path, list[Any]]) -> Any:
+    """Return the value with the objects of each owner at one place in the lists of all frames, None where missing."""
+    if isinstance(value, dict):
+        return {key: _by_owner(one, (*path, key), owners) for key, one in value.items()}
+    if not isinstance(value, list):
+        return value
+    inner = [_by_owner(one, path, owners) for one in value]
+    if not owners.get(path) or not inner or not isinstance(inner[0], dict):
+        return inner
+    there = dict(zip(_ids(value), inner, strict=True))
+    return [there.get(owner) for owner in owners[path]] if there else inner
 
 
 def _keys(value: Any) -> Iterator[str]:
@@ -205,11 +257,11 @@ def _filled(leaf: Any) -> Any:
     if not isinstance(leaf, Sequence) or isinstance(leaf, str):
         return leaf
     whole = [_filled(one) for one in leaf]
-    shapes = [one for one in whole if isinstance(one, list) and one]
+    shapes = [one for one in whole if isinstance(one, list) and any(part is not None for part in one)]
     if not shapes or len(shapes) == len(whole):
         return whole
     empty = np.full(np.shape(np.asarray(shapes[0], dtype=np.float64)), np.nan).tolist()
-    return [one if isinstance(one, list) and one else empty for one in whole]
+    return [one if isinstance(one, list) and any(part is not None for part in one) else empty for one in whole]
 
 
 def _is_json(head: bytes, path: Path) -> bool:
