@@ -76,14 +76,14 @@ def with_letters(titles: Sequence[str]) -> list[str]:
     """
     for words in _DIRECTIONS:
         word = "|".join(f"({one})" for one in words)
-        found = [re.fullmatch(rf"(.+{BETWEEN})(?:{word})(\W.*)?", title, re.IGNORECASE) for title in titles]
+        found = [re.fullmatch(rf"(.+{BETWEEN})?(?:{word})(\W.*)?", title, re.IGNORECASE) for title in titles]
         axes = [
             "".join(axis for axis, one in zip(AXES, match.groups()[1:4], strict=True) if one) if match else ""
             for match in found
         ]
         if len({axes.count(axis) for axis in AXES}) == 1 and AXES[0] in axes:
             return [
-                f"{match[1]}{axis}{match[5] or ''}" if match else title
+                f"{match[1] or ''}{axis}{match[5] or ''}" if match else title
                 for title, match, axis in zip(titles, found, axes, strict=True)
             ]
     return [*titles]

@@ -15,7 +15,15 @@ from operator import mul
 from skelgen_formats.body_columns import Body
 from skelgen_formats.clock_titles import Clock
 from skelgen_formats.options import MM_PER_UNIT
-from skelgen_formats.text import is_number, is_unseen, seconds_of, unquoted, without_trailing_empty, words_of
+from skelgen_formats.text import (
+    is_number,
+    is_unseen,
+    seconds_of,
+    unit_behind,
+    unquoted,
+    without_trailing_empty,
+    words_of,
+)
 from skelgen_formats.title_lines import (
     NUMBERED,
     Head,
@@ -52,7 +60,6 @@ _STATED = re.compile(
     re.IGNORECASE,
 )
 _BEFORE_NUMBER = re.compile(r"(.*?[^\W\d].*?) ([\d.]+)")  # FPS 200
-_WITH_UNIT = re.compile(r"[-+]?[\d.,]+(?:e[-+]?\d+)? ?(mm|cm|m)", re.IGNORECASE)  # 12.3 mm
 _APART = re.compile(r" {2,}")  # two statements in a line
 CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
 """Where words of one title meet: posUnit, SegmentName."""
@@ -203,9 +210,8 @@ def _read_rows(head: Head, every: list[list[str]]) -> None:
     """Find out whether rows of several take turns, and leave out flags that hold no 0 or 1."""
     rows = every[head.n_lines :]
     cells = [row[column] for row in rows for body in head.bodies for column in body.place.values() if column < len(row)]
-    written = {match[1] for cell in cells if (match := _WITH_UNIT.fullmatch(cell))}
-    if len(written) == 1:
-        head.unit_in_cells, head.unit = next(iter(written)), next(iter(written))
+    head.unit_in_cells = unit_behind(cells)
+    head.unit = head.unit_in_cells or head.unit
     for body in head.bodies:
         is_flag = body.flag is None or all(
             [*map(str.lower, row[body.flag : body.flag + 1])] in _FLAGS for row in rows[:1]

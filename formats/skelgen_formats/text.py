@@ -29,6 +29,7 @@ _FORTRAN = re.compile(r"[-+]?[\d.]+D[-+]?\d+", re.IGNORECASE)
 _QUOTED = re.compile(r'"([^"]*)"')  # a cell in quotes, which may hold what parts cells
 _CLOCK = re.compile(r"(?:(\d+) days? |\S+[ T])?(\d{1,3}):(\d\d):(\d\d(?:[.,]\d+|:\d{3})?)(?: ?([AP])M)?", re.IGNORECASE)
 _TIMECODE = re.compile(r"(\d\d:\d\d:\d\d)[:;.,](\d\d)(?:\.\d\d?)?")  # SMPTE, frames behind seconds
+_WITH_UNIT = re.compile(r"[-+]?[\d.,]+(?:e[-+]?\d+)? ?(mm|cm|m)", re.IGNORECASE)
 _LASTED = re.compile(r"(\d+(?:\.\d+)?(?:e-?\d+)?) ?(ms|s|sec|min)", re.IGNORECASE)
 _SECONDS = {"ms": 1e-3, "s": 1.0, "sec": 1.0, "min": 60.0}
 _THOUSANDS = re.compile(r"[-+]?\d{1,3}([.,' ]\d{3})+([.,]\d+)?")
@@ -86,6 +87,12 @@ def _with_decimals(text: str) -> str:
 def is_timecode(text: str) -> bool:
     """Whether a cell holds a timecode of films, such as 01:02:03:24, the last of which counts frames."""
     return _TIMECODE.fullmatch(text.strip()) is not None and text.count(":") + text.count(";") > 2
+
+
+def unit_behind(cells: Iterable[str]) -> str:
+    """Return the unit of length that stands behind numbers in cells, such as 12.3 mm; empty if none or several do."""
+    units = {match[1] for match in map(_WITH_UNIT.fullmatch, cells) if match}
+    return units.pop() if len(units) == 1 else ""
 
 
 def seconds_of(text: str) -> str:

@@ -24,7 +24,7 @@ from skelgen.progress import counted
 from skelgen_formats.lines import Lines, decoded_head, read_lines
 from skelgen_formats.options import ANGLE_ORDER, AUTO, POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
 from skelgen_formats.row_owners import spread
-from skelgen_formats.table_rows import FOLLOWING, notice_skipped, without_remarks
+from skelgen_formats.table_rows import FOLLOWING, notice_skipped, with_numbers, without_remarks
 from skelgen_formats.text import is_number, number_or_nan, seconds_of, unquoted
 from skelgen_formats.tidy_heads import AXIS_IN_NAME, TidyHead, find_tidy_head
 from skelgen_formats.time_stamps import since_first
@@ -163,7 +163,7 @@ def _cells(path: Path, lines: Lines, head: TidyHead, notices: list[str]) -> Iter
     """Yield the cells of each row, and its number; all that are wanted are there."""
     n_cells = max(*head.at.values(), *head.columns, head.frames or 0) + 1
     plain = ((number, unquoted(line, head.delimiter)) for number, line in lines.numbered(head.n_lines))
-    for number, line in without_remarks(plain, head.delimiter, head.counts, notices):
+    for number, line in without_remarks(with_numbers(plain, head), head.delimiter, head.counts, notices):
         cells = line.split(head.delimiter)
         further = len(head.titles) if head.delimiter else len(cells)
         if len(cells) < n_cells or any(map(str.strip, cells[further:])) or further < len(head.titles):

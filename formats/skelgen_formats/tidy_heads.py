@@ -13,7 +13,7 @@ from skelgen_formats.body_columns import Body
 from skelgen_formats.clock_titles import clock_of, is_frame
 from skelgen_formats.spelling import spelt
 from skelgen_formats.table_heads import CAMEL, DELIMITERS, with_row_names
-from skelgen_formats.text import is_number, unquoted, words_of
+from skelgen_formats.text import is_number, unit_behind, unquoted, words_of
 from skelgen_formats.title_lines import Head
 from skelgen_formats.titles import bodies_of, nameless_body
 from skelgen_formats.turn_titles import AXES
@@ -113,6 +113,9 @@ def _head_of(titles: Sequence[str], cells_of: Callable[[int], list[str]]) -> Tid
         body.place, body.unit = every[0].place, every[0].unit
     is_tidy = body.is_placed and ("name" in at or not every) and titles.count(titles[body.place["x"]]) == 1
     head = TidyHead([body], frames=next(iter(frames), None), clock=clock, unit=body.unit, titles=titles, at=at)
+    numbers = [cell for column in (*body.place.values(), *values) for cell in cells_of(column)]
+    head.unit_in_cells = unit_behind(numbers)
+    head.unit = head.unit_in_cells or head.unit
     return head if is_by_axis or is_tidy else None
 
 

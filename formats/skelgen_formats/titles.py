@@ -225,6 +225,7 @@ def _gathered(titles: Sequence[str], parsed: _Parsed) -> list[Body]:
     latest: dict[str, Body] = {}
     for column, title in enumerate(titles):
         what, (name, key, unit) = _column_of(title, parsed)
+        name = name.strip()
         if not what:
             continue
         body = latest.get(name.lower())
