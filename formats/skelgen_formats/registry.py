@@ -37,6 +37,7 @@ from skelgen_formats import (
     motion_csv,
     motive,
     mvnx,
+    named_rows,
     nexus,
     opensim,
     parquet_tables,
@@ -77,6 +78,7 @@ FORMATS: tuple[Format, ...] = (
     *(classic_xml.FORMAT, cal3d.FORMAT, opensim.FORMAT, urdf.FORMAT, mjcf.FORMAT, bvh.FORMAT, acclaim.FORMAT),
     *(gltf.FORMAT, usd.FORMAT, summary_json.FORMAT, tidy.FORMAT, wide.CSV, parquet_tables.FORMAT, vectors.FORMAT),
     *(untitled.FORMAT, mfml.FORMAT, classic_texts.LIMBS, classic_texts.COSTS, classic_texts.TREE),
+    named_rows.FORMAT,
 )
 """All formats, in the order in which they are sniffed: the most particular content first."""
 

@@ -55,11 +55,10 @@ _NO_PLACES = re.compile(
 _SENSED = re.compile(r".*[a-z](Acc|Accel\w*|Gyr\w*|Mag|Magnet\w*|Vel|Velocity)")  # FreeAcc
 _RATE, _STEP = ("|".join(words_of("times")[kind]) for kind in ("rate", "step"))
 _STATED = re.compile(
-    rf"(?:[^\W\d_]+[ _]){{0,3}}(?:({_RATE})|({_STEP})|units?)"
+    rf"(?:[^\W\d_]{{1,40}}[ _]){{0,3}}(?:({_RATE})|({_STEP})|units?)"
     r"(?:[ _]?[\[(]?(?:hz|fps|1/s|samples?/s(?:ec)?|(m?s(?:ec)?))[\])]?)?\W*",
     re.IGNORECASE,
 )
-_BEFORE_NUMBER = re.compile(r"(.*?[^\W\d].*?) ([\d.]+)")  # FPS 200
 _APART = re.compile(r" {2,}")  # two statements in a line
 CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
 """Where words of one title meet: posUnit, SegmentName."""
@@ -148,7 +147,10 @@ def _read_preamble(head: Head, before: list[list[str]]) -> None:
         texts.append(row if are_whole else [":".join(row[at : at + 2]) for at in range(0, len(row), 2)])
     for text in (part for row in texts for cell in row for part in _APART.split(cell)):
         key, _, value = text.lstrip("/ ").replace("=", ":", 1).partition(":")
-        key, value = (key, value.strip(": ")) if value else _BEFORE_NUMBER.sub(r"\1:\2", key).partition(":")[::2]
+        if not value:  # FPS 200
+            key, _, last = text.strip().rpartition(" ")
+            value = last if is_number(last) or last.lower() in MM_PER_UNIT else ""
+        value = value.strip(": ")
         key = CAMEL.sub(" ", key.strip())
         stated = _STATED.fullmatch(key)
         if stated and not stated[1] and not stated[2]:

@@ -44,7 +44,8 @@ class Stamps:
         if self.are_seconds or _SLOWEST < rate < _FASTEST:
             return rate
         for unit, seconds in _OTHER_UNITS.items():
-            rate = rate_of(times * seconds)
+            with np.errstate(over="ignore", invalid="ignore"):  # of infinite ones
+                rate = rate_of(times * seconds)
             if _SLOW <= rate <= _FAST and np.median(steps) != 1.0:  # else they count frames
                 taken = f"the times are taken as {unit}, which makes {rate:g} Hz"
                 notices.append(f"{taken}; `--recorded-rate` states another")

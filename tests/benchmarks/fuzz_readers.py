@@ -112,6 +112,7 @@ _TEXTS = (
     "dtrack",
     "tracking-tools",
     "untitled-poses",
+    "named-rows",
     "json",
     "bids-motion",
 )
@@ -140,6 +141,7 @@ MORE_SEEDS = {
     ),
     "wide-parquet": ("tidy.parquet",),
     "untitled-poses": ("kitti.txt", "hand.traj"),
+    "named-rows": ("pairs.log", "names.csv"),
     "vector-csv": ("vectors.sto", "turns.csv", "lists.csv", "unreal.csv"),
 }
 """Further sound files of a format."""
@@ -356,6 +358,9 @@ _TEXT_SEEDS = {
     "0.0\t1.5,2.5,3.5\t4.5,5.5,6.5\n0.02\t1.6,2.6,3.6\tnan,nan,nan\n",
     "wide-csv.csv": "t,nose_x,nose_y,nose_z,tail_x,tail_y,tail_z\n0.0,1.5,2.5,3.5,4.5,5.5,6.5\n0.02,1.6,2.6,3.6,,,\n",
     "untitled-poses.tum": "# ground truth\n1305031098.66 1.5 2.5 3.5 0 0 0 1\n1305031098.68 1.6 2.6 3.6 0 0 0.6 0.8\n",
+    "named-rows.xyz": "".join(f"2\nframe {frame} t={frame / 50}\na 1.5 2 {frame}.5\nb 4 5 6\n" for frame in range(4)),
+    "pairs.log": "".join(f"t={frame / 50} a_x=1 a_y=2 a_z={frame} b_x=3 b_y=4 b_z=5\n" for frame in range(4)),
+    "names.csv": "".join(f"{frame / 50},a,1,2,{frame},b,4,5,6\n" for frame in range(4)),
     "kitti.txt": "1 0 0 0 0 1 0 0 0 0 1 0\n0.6 0 0.8 0.1 0 1 0 0 -0.8 0 0.6 0.2\n",
     "segments.csv": "FrameNumber,SubjectName,SegmentName,TX,TY,TZ,Occluded\n"
     + "".join(f"{frame},Ann,{name},{frame}.5,2,3,False\n" for frame in range(3) for name in "ab"),

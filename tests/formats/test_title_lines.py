@@ -184,7 +184,14 @@ def test_bodies_count_more_than_a_single_point(put):
     "line",
     [
         *("# sampling_rate_hz: 50", "Sample rate (samples/sec),50", "FPS 50", "Hz,50", "Rate,50,Hz", "Bildrate,50"),
-        *("Fréquence d'échantillonnage,50", "采样频率,50", "dt,0.02", "Sampling interval (ms): 20", "period,20 ms"),
+        *(
+            "Fréquence d'échantillonnage,50",
+            "采样频率,50",
+            "# frame rate known\nHz,50",
+            "dt,0.02",
+            "Sampling interval (ms): 20",
+            "period,20 ms",
+        ),
     ],
 )
 def test_rate_above_the_titles_may_be_written_in_many_ways(put, line):
