@@ -36,7 +36,7 @@ _SUFFIXES = (".json", ".jsonl", ".ndjson")
 _NAME_KEYS, _NAMES = ("name", "label"), "names"
 _POSITION = "position"
 _PLACE_WORDS = (_POSITION, "positions", "pos", "translation", "location", "coordinates", "xyz", "data")
-_OTHERWISE = "this is JSON; write the points as TRC or wide CSV, those of images triangulated first"
+_JSON, _OTHERWISE = "JSON", "this is {}; write the points as TRC or wide CSV, those of images triangulated first"
 _DEEPEST, _MOST_TIMES = 64, 1000  # objects in objects; frames for each one that is listed
 _OWNER = re.compile(
     r"(?:(?:body|person|people|subject|user|player|actor|skeleton|track(?:ing)?|instance)_?)?(?:id|index)"
@@ -69,6 +69,35 @@ def read_json(path: Path, options: Options) -> Trajectories | PointCloud | Poses
             value = [json.loads(line) for line in text.splitlines() if line.strip()]
         if isinstance(value, dict) and value.get("schema") == SCHEMA:
             raise FormatError(path, "", "this is a summary of skelgen, without positions; open the .skelgen beside it")
+    except (ValueError, RecursionError) as error:
+        raise FormatError(path, "", _damaged(_JSON, error)) from error
+    return take_from_value(path, value, options, _JSON)
+
+
+def _damaged(what: str, error: Exception) -> str:
+    return f"no {what}, or damaged: {' '.join(str(error).split())[:100]}"
+
+
+def take_from_value(path: Path, value: Any, options: Options, what: str) -> Trajectories | PointCloud | Poses:
+    """Return the take that lists and objects hold, as JSON has them.
+
+    Parameters
+    ----------
+    path : Path
+        The file, for errors.
+    value : list, dict, str, float or None
+        What it holds.
+    options : Options
+        `points`, `recorded_rate`, `recorded_unit` and `sample` count.
+    what : str
+        What the file is, for errors.
+
+    Raises
+    ------
+    FormatError
+        If it is damaged, or holds no positions.
+    """
+    try:
         lines = Lines(path, "\n".join(_table(value)).encode(), "utf-8")
         if find_tidy_head(lines) is not None:
             return read_tidy(path, lines, options)
@@ -79,7 +108,7 @@ def read_json(path: Path, options: Options) -> Trajectories | PointCloud | Poses
         leaves = dict(_leaves(_by_owner(value, (), owners), ()))
         arrays = {key: _array(leaf) for key, leaf in _spread(path, leaves).items()}
     except (ValueError, TypeError, LookupError, RecursionError, OverflowError) as error:
-        raise FormatError(path, "", f"no JSON, or damaged: {' '.join(str(error).split())[:100]}") from error
+        raise FormatError(path, "", _damaged(what, error)) from error
     for key in [key for key in arrays if len(key) > 1 and key[-1].lower() in _PLACE_WORDS]:
         arrays.setdefault(key[:-1], arrays.pop(key))
     several = [key for key in arrays if len(key) > 1 and key[-1] == _NAMES]
@@ -88,7 +117,7 @@ def read_json(path: Path, options: Options) -> Trajectories | PointCloud | Poses
     ends = {key: [".".join(key[at:]) for at in range(len(key) - 1, -1, -1)] for key in arrays}
     count = Counter(end for every in ends.values() for end in every)
     named = {next((end for end in ends[key] if count[end] == 1), ".".join(key)): one for key, one in arrays.items()}
-    return take_from_arrays(path, named, options, _OTHERWISE)
+    return take_from_arrays(path, named, options, _OTHERWISE.format(what))
 
 
 def _table(value: Any) -> Iterator[str]:

@@ -55,6 +55,7 @@ from skelgen_formats import (
     usd,
     vectors,
     wide,
+    xml_points,
 )
 from skelgen_formats.bone_profiles import with_bone_names
 from skelgen_formats.foreign import is_foreign as foreign
@@ -78,7 +79,7 @@ FORMATS: tuple[Format, ...] = (
     *(classic_xml.FORMAT, cal3d.FORMAT, opensim.FORMAT, urdf.FORMAT, mjcf.FORMAT, bvh.FORMAT, acclaim.FORMAT),
     *(gltf.FORMAT, usd.FORMAT, summary_json.FORMAT, tidy.FORMAT, wide.CSV, parquet_tables.FORMAT, vectors.FORMAT),
     *(untitled.FORMAT, mfml.FORMAT, classic_texts.LIMBS, classic_texts.COSTS, classic_texts.TREE),
-    named_rows.FORMAT,
+    *(named_rows.FORMAT, xml_points.FORMAT),
 )
 """All formats, in the order in which they are sniffed: the most particular content first."""
 

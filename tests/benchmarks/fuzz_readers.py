@@ -113,6 +113,7 @@ _TEXTS = (
     "tracking-tools",
     "untitled-poses",
     "named-rows",
+    "xml",
     "json",
     "bids-motion",
 )
@@ -141,6 +142,7 @@ MORE_SEEDS = {
     ),
     "wide-parquet": ("tidy.parquet",),
     "untitled-poses": ("kitti.txt", "hand.traj"),
+    "xml": ("attributes.xml",),
     "named-rows": ("pairs.log", "names.csv"),
     "vector-csv": ("vectors.sto", "turns.csv", "lists.csv", "unreal.csv"),
 }
@@ -359,6 +361,12 @@ _TEXT_SEEDS = {
     "wide-csv.csv": "t,nose_x,nose_y,nose_z,tail_x,tail_y,tail_z\n0.0,1.5,2.5,3.5,4.5,5.5,6.5\n0.02,1.6,2.6,3.6,,,\n",
     "untitled-poses.tum": "# ground truth\n1305031098.66 1.5 2.5 3.5 0 0 0 1\n1305031098.68 1.6 2.6 3.6 0 0 0.6 0.8\n",
     "named-rows.xyz": "".join(f"2\nframe {frame} t={frame / 50}\na 1.5 2 {frame}.5\nb 4 5 6\n" for frame in range(4)),
+    "xml.mmm.xml": "<M rate='50'><S type='a'><D t='0'>1</D></S><S type='b'>"
+    + "".join(f"<D t='{n / 50}'><P name='a'>1 2 {n}</P><P name='b'>4 5 6</P></D>" for n in range(4))
+    + "</S></M>",
+    "attributes.xml": "<?xml version='1.0'?><m fps='50'>"
+    + "".join(f"<f n='{n}'><a x='1' y='2' z='{n}'/><b x='4' y='5' z='6'/></f>" for n in range(4))
+    + "</m>",
     "pairs.log": "".join(f"t={frame / 50} a_x=1 a_y=2 a_z={frame} b_x=3 b_y=4 b_z=5\n" for frame in range(4)),
     "names.csv": "".join(f"{frame / 50},a,1,2,{frame},b,4,5,6\n" for frame in range(4)),
     "kitti.txt": "1 0 0 0 0 1 0 0 0 0 1 0\n0.6 0 0.8 0.1 0 1 0 0 -0.8 0 0.6 0.2\n",
