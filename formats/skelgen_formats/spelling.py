@@ -14,22 +14,34 @@ PLACE_WORD = (
 )
 """A word for a place, in a regular expression."""
 
-_AXIS_WORD = "axis|coord(?:inate)?|pos(?:ition)?|koordinate|achse|座標|坐标|좌표"
-_VERSION = r"3d|filt\w*|smooth\w*|interp\w*|raw"
-OF_VERSION = re.compile(rf"(.+{BETWEEN}[xyz]){BETWEEN}(?:{_VERSION})", re.IGNORECASE)
+_AXIS_WORD = r"axis|coord(?:inate)?|pos(?:ition|\.)?|koordinate|achse|座標|坐标|좌표"
+_AXIS_WORD_BEFORE = rf"(?:world|global|axis|coordonn[ée]e|coordenada|coordinata|koordinate){BETWEEN}"
+_VERSION = r"3d|filt\w*|smooth\w*|interp\w*|raw|mean|avg|val(?:ue)?|est\w*|true|gt|world|global|lab"
+OF_VERSION = re.compile(rf"(.+{BETWEEN}[xyz])(?:{BETWEEN}(?:{_VERSION})|3d)", re.IGNORECASE)
+"""A title of a version of a coordinate, such as knee_x_raw, of which another may stand beside it."""
+
 _NO_NAME = rf"(?:{LENGTH}|std\w*|err\w*|{_VERSION})"
 _SPELT = (
     # p_RS_R_x [m], q_RS_w [] of EuRoC
     (re.compile(r"([pq])(?:_[A-Z]{1,3}){1,3}_([wxyz](?: \[m\])?)(?: \[\])?"), r"\1_\2"),
-    (re.compile(rf"{PLACE_WORD}([xyz]){BETWEEN}(?!{_NO_NAME}$)(\w.{{0,200}})", re.IGNORECASE), r"\2_\1"),  # Pos_X_knee
+    (
+        re.compile(
+            rf"(?:{PLACE_WORD}|{_AXIS_WORD_BEFORE})([xyz]){BETWEEN}(?!{_NO_NAME}$)(\w.{{0,200}})", re.IGNORECASE
+        ),
+        r"\2_\1",
+    ),  # Pos_X_knee
     (re.compile(rf"(.*?(?<![a-z])[xyz])[-_ ]?(?:{_AXIS_WORD})(\W.*)?", re.IGNORECASE), r"\1\2"),
     (OF_VERSION, r"\1"),
+    (re.compile(rf"(.+{BETWEEN}[xyz]){BETWEEN}(?:{_VERSION}){BETWEEN}(mm|cm|m)", re.IGNORECASE), r"\1 [\2]"),
+    (re.compile(rf"(.+{BETWEEN}[xyz](?: ?[\[(]{LENGTH}[\])])?) ?[\[(](?:{_VERSION})[\])]", re.IGNORECASE), r"\1"),
+    (re.compile(r"(.+)\[['\"]?([xyz])['\"]?\]", re.IGNORECASE), r"\1_\2"),  # knee['x']
     (re.compile(rf"(.+{BETWEEN})([xyz]){BETWEEN}(l|r|left|right)", re.IGNORECASE), r"\1\3_\2"),  # knee_x_L
     (re.compile(r"(.+?) ?\[[#-]?\]"), r"\1"),  # Sensor 1 Q0 []
     (re.compile(rf"(.+{BETWEEN}[xyz]) ?\((?:ap|ml|v|si|is|pd|lat|vert|up)\)", re.IGNORECASE), r"\1"),  # knee_X(AP)
     (re.compile(rf"(.+?) ?[\[(]({LENGTH})[\])]({BETWEEN}[xyz])", re.IGNORECASE), r"\1\3 [\2]"),  # knee_pos[m]_x
     (re.compile(rf"([xyz]) ?[\[(]({LENGTH})[\])]{BETWEEN}(.+)", re.IGNORECASE), r"\3_\1 [\2]"),  # X [mm] knee
-    (re.compile(r"([tp][xyz])_([a-z]\w{1,200})", re.IGNORECASE), r"\2_\1"),  # tx_left_wrist_device of Aria
+    # tx_left_wrist_device of Aria, Tx(knee)
+    (re.compile(r"([tp][xyz])[_.(]([a-z]\w{1,200})\)?", re.IGNORECASE), r"\2_\1"),
     (re.compile(r"([xyz]) of (.+)", re.IGNORECASE), r"\2_\1"),
     (re.compile(rf"([xyz]){BETWEEN}(.+)_(mm|cm)", re.IGNORECASE), r"\2_\1 [\3]"),  # X_knee_mm
     (re.compile(rf"([wxyz]){BETWEEN}(rotation|orientation)(\W.*)?", re.IGNORECASE), r"\2_\1\3"),

@@ -30,12 +30,12 @@ from skelgen_formats.turn_titles import (
     quaternion_of,
 )
 
-_UNIT = re.compile(rf"(.*?[xyz123][\])]?)(?: ?/ ?| in |[ _-]{{0,2}}[\[(]?)({LENGTH})[\])]?", re.IGNORECASE)
+_UNIT = re.compile(rf"(.*?[xyz123][\])]?)(?: ?/ ?|[ _]in[ _]|[ _.,:-]{{0,2}}[\[(]?)({LENGTH})[\])]?", re.IGNORECASE)
 _AXIS_LAST = re.compile(rf"(.{{1,200}}?){BETWEEN}{{0,2}}[\[(]?([xyz])[\])]?", re.IGNORECASE)
 _TRANSLATED = re.compile(rf"(.{{1,200}}?){BETWEEN}[tp]([xyz])", re.IGNORECASE)
 _AXIS_FIRST = re.compile(rf"([xyz]){BETWEEN}?(.{{1,200}}?)(?: ?/ ?(mm|cm|m)| ?[\[(](mm|cm|m)[\])])?", re.IGNORECASE)
 _AXIS_AND_NUMBER = re.compile(rf"(?:(.{{1,200}}?){BETWEEN})??([xyz])_?(\d{{1,4}})", re.IGNORECASE)
-_NUMBERED = re.compile(r"(.{1,200}?)(?:[_ .]([0-4])|\[([0-3])\]|\(([1-4])\))")
+_NUMBERED = re.compile(r"(.{1,200}?)(?:[_ .](?:dim|axis|coord|xyz|pos)?([0-4])|\[([0-3])\]|\(([1-4])\))")
 _MANY = re.compile(r"(.{1,200}?)(?:[_ .]|(?=[\[(]))[\[(]?(\d{1,3})[\])]?")
 _FOURTH = re.compile(rf"(.{{1,200}}?)(?:{BETWEEN}|(?=[\[(]))[\[(]?([w34])[\])]?", re.IGNORECASE)
 _ALONE = re.compile(rf"(?:{PLACE_WORD})?([xyz])", re.IGNORECASE)
@@ -47,6 +47,7 @@ _FLAG = re.compile(
     re.IGNORECASE,
 )
 _IS_ANGLE = re.compile(r".*(?:euler|rotvec|rot|rotation|ori|orientation)[ _.:-]?[xyz]", re.IGNORECASE)
+_BRACKETED = re.compile(r"^[\[(]([^\[\]()]+)[\])]$")
 _SENSED = re.compile(r"[agmwfv][xyz]", re.IGNORECASE)  # of inertial sensors and force plates: ax, gy, Fz
 _BESIDE = re.compile(rf"(.{{1,200}}?){BETWEEN}[vaws][xyz]", re.IGNORECASE)  # velocities and the like of a point
 _DERIVED = re.compile(rf"(.{{1,200}}?{BETWEEN})[vaw]", re.IGNORECASE)  # knee-V beside knee-X
@@ -225,7 +226,7 @@ def _gathered(titles: Sequence[str], parsed: _Parsed) -> list[Body]:
     latest: dict[str, Body] = {}
     for column, title in enumerate(titles):
         what, (name, key, unit) = _column_of(title, parsed)
-        name = name.strip()
+        name = _BRACKETED.sub(r"\1", name.strip(" =;,~\\'\""))
         if not what:
             continue
         body = latest.get(name.lower())

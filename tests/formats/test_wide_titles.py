@@ -231,3 +231,36 @@ def test_velocities_of_points_of_one_letter_are_no_points(put):
     titles = ",".join(f"{bone}-{what}-{axis}" for bone in ("01", "02") for what in "XV" for axis in "xyz")
     take = read_take(put("bones.csv", titles + "\n" + ",".join(map(str, range(12))) + "\n"))
     assert take.names == ("01-X", "02-X")
+
+
+@pytest.mark.parametrize(
+    "title",
+    [
+        *("{n}['{a}']", "{n}_{a}_world", "world_{a}_{n}", "{n}_{a}3d", "{n}_{a}_mean", "T{a}({n})", "p{a}.{n}"),
+        *(
+            "{n}.{a}_est",
+            "{n}_dim{i}",
+            "{n}_pos{i}",
+            "{n}_coord{i}",
+            "{n} {a} Pos.",
+            "Coordonnée {a} {n}",
+            "axis_{a}_{n}",
+        ),
+        *("{n} = {a}", "[{n}].{a}", "{a}({n})", "{n}; {a}"),
+    ],
+)
+def test_what_stands_around_names_and_axes_is_no_part_of_them(put, title):
+    titles = "\t".join(title.format(n=n, a=a, i="xyz".index(a)) for n in ("knee", "toe") for a in "xyz")
+    take = read_take(put("around.tsv", f"{titles}\n{rows(delimiter=chr(9))}"))
+    assert take.names == ("knee", "toe")
+    np.testing.assert_allclose(take.positions, POSITIONS)
+
+
+@pytest.mark.parametrize(
+    "title", ["{n}:{a}:mm", "{n}.{a}.mm", "{n}_{a}, mm", "{n}_{a}_in_mm", "{n}_{a}_raw_mm", "{n}_{a} [mm] (raw)"]
+)
+def test_units_may_stand_behind_axes_in_other_ways(put, title):
+    titles = "\t".join(title.format(n=n, a=a) for n in ("knee", "toe") for a in "xyz")
+    take = read_take(put("units.tsv", f"{titles}\n{rows(delimiter=chr(9))}"))
+    assert take.names == ("knee", "toe")
+    assert not any("no length unit" in notice for notice in take.notices)
