@@ -26,6 +26,7 @@ from skelgen_formats.options import Options
 from skelgen_formats.time_stamps import Stamps, since_first
 from skelgen_formats.titles import bodies_of, with_axes
 from skelgen_formats.turn_titles import AXES
+from skelgen_formats.untitled_points import positions_of_columns
 from skelgen_formats.wide import take_from_table
 
 _POSITIONS = (
@@ -274,6 +275,9 @@ def _joined(path: Path, arrays: Arrays, notices: list[str], otherwise: str) -> t
         points = {key: array[:, : len(AXES)] for key, array in points.items() if array.shape == shape}
         if count >= _FEWEST:
             return np.stack([*points.values()], axis=1), [*points]
+    if len(numbers) == 1 and (found := positions_of_columns(next(iter(numbers.values())).astype(np.float64))):
+        notices.append(f"columns are taken as {found[2]}, as points then keep their distances")
+        return found[0], _filled(_texts(arrays, ""), found[0].shape[1], "point")
     held = ", ".join(f"{key} {array.shape}".strip() for key, array in list(arrays.items())[:6]) or "none"
     raise FormatError(path, "", f"{otherwise}; arrays are {held}"[:280])
 

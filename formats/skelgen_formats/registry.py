@@ -51,6 +51,7 @@ from skelgen_formats import (
     tracking_tools,
     trc,
     untitled,
+    untitled_points,
     urdf,
     usd,
     vectors,
@@ -79,7 +80,7 @@ FORMATS: tuple[Format, ...] = (
     *(classic_xml.FORMAT, cal3d.FORMAT, opensim.FORMAT, urdf.FORMAT, mjcf.FORMAT, bvh.FORMAT, acclaim.FORMAT),
     *(gltf.FORMAT, usd.FORMAT, summary_json.FORMAT, tidy.FORMAT, wide.CSV, parquet_tables.FORMAT, vectors.FORMAT),
     *(untitled.FORMAT, mfml.FORMAT, classic_texts.LIMBS, classic_texts.COSTS, classic_texts.TREE),
-    *(named_rows.FORMAT, xml_points.FORMAT),
+    *(untitled_points.FORMAT, named_rows.FORMAT, xml_points.FORMAT),
 )
 """All formats, in the order in which they are sniffed: the most particular content first."""
 

@@ -113,11 +113,20 @@ _TEXTS = (
     "tracking-tools",
     "untitled-poses",
     "named-rows",
+    "untitled-points",
     "xml",
     "json",
     "bids-motion",
 )
 _IMAGES = ("png", "jpg", "bmp", "pgm", "tiff")
+
+
+def _swinging(frame: int) -> np.ndarray:
+    """Return six points, shape (6, 3): three that swing far, and three on another body that goes."""
+    angle = frame / 6
+    arm = [[np.cos(angle) * r, r / 3, np.sin(angle) * r] for r in (300.0, 500.0, 640.0)]
+    return np.array([*arm, *([70.0 * frame + x, 900.0 - x, 20.0 * x] for x in (0.0, 40.0, 95.0))])
+
 
 MORE_SEEDS = {
     "json": ("records.json", "parts.json"),
@@ -367,6 +376,9 @@ _TEXT_SEEDS = {
     "attributes.xml": "<?xml version='1.0'?><m fps='50'>"
     + "".join(f"<f n='{n}'><a x='1' y='2' z='{n}'/><b x='4' y='5' z='6'/></f>" for n in range(4))
     + "</m>",
+    "untitled-points.points.txt": "".join(
+        " ".join(f"{x:.3f}" for x in [n / 50, *_swinging(n).ravel()]) + "\n" for n in range(N_FRAMES)
+    ),
     "pairs.log": "".join(f"t={frame / 50} a_x=1 a_y=2 a_z={frame} b_x=3 b_y=4 b_z=5\n" for frame in range(4)),
     "names.csv": "".join(f"{frame / 50},a,1,2,{frame},b,4,5,6\n" for frame in range(4)),
     "kitti.txt": "1 0 0 0 0 1 0 0 0 0 1 0\n0.6 0 0.8 0.1 0 1 0 0 -0.8 0 0.6 0.2\n",
