@@ -99,6 +99,14 @@ def _head_of(titles: Sequence[str], cells_of: Callable[[int], list[str]]) -> Tid
     if not clock and not frames and not _tells_frames(cells_of(at["name"]) if "name" in at else [], body):
         return None
     at |= {"time": max(clock.column, clock.fraction or 0)} if clock else {}
+    moments = [*frames, *([clock.column] if clock else [])]
+    if "name" not in at and body.is_placed and moments:
+        others = {*range(len(titles))} - body.every_column - {*at.values(), *frames} | {
+            *found.get("group", []),
+            *found.get("side", []),
+        }
+        cells_in = cells_of(moments[0])
+        at |= zip(["name"], (one for one in sorted(others) if _are_names(cells_of(one), cells_in)), strict=False)
     values = [column for column, title in enumerate(titles) if _VALUE.fullmatch(title) and column != at.get("axis")]
     if values and "name" in at and AXIS_IN_NAME.search("".join(cells_of(at["name"])[:1])):
         at.setdefault("axis", at["name"])  # knee_x, as pandas melts tables
@@ -117,6 +125,15 @@ def _head_of(titles: Sequence[str], cells_of: Callable[[int], list[str]]) -> Tid
     head.unit_in_cells = unit_behind(numbers)
     head.unit = head.unit_in_cells or head.unit
     return head if is_by_axis or is_tidy else None
+
+
+def _are_names(cells: Sequence[str], moments: Sequence[str]) -> bool:
+    """Whether cells are words or numbers of points: each once in a frame, and the same in the first and the next."""
+    if len(cells) != len(moments) or len({*zip(moments, cells, strict=True)}) < len(cells):
+        return False
+    two = [*dict.fromkeys(moments), "", ""][:2]
+    first, second = ({cell for cell, one in zip(cells, moments, strict=True) if one == moment} for moment in two)
+    return len(first) > 1 and first == second and all(cell.isdecimal() or not is_number(cell) for cell in first)
 
 
 def _tells_frames(names: Sequence[str], body: Body) -> bool:

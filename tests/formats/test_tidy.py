@@ -320,3 +320,9 @@ def test_units_in_cells_of_rows_count(put):
     np.testing.assert_array_equal(
         read_take(put("units.csv", f"time,marker,x,y,z\n{rows}")).positions[0, 0], [1500, 2000, -3000]
     )
+
+
+@pytest.mark.parametrize("title", ["node", "LED", "kp", "animal", "Type", "mac"])
+def test_column_of_names_is_known_by_what_it_holds(put, title):
+    rows = "".join(f"{n},0.9,{name},100,200,{n}\n" for n in range(3) for name in ("knee", "toe"))
+    assert read_take(put("any.csv", f"frame,quality,{title},x,y,z\n{rows}")).names == ("knee", "toe")
