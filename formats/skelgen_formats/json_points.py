@@ -27,6 +27,7 @@ from skelgen_formats.options import POINTS, RECORDED_RATE, RECORDED_UNIT, Format
 from skelgen_formats.row_owners import array_from_records
 from skelgen_formats.summary_json import SCHEMA
 from skelgen_formats.table_heads import CAMEL
+from skelgen_formats.text import is_number
 from skelgen_formats.tidy import read_tidy
 from skelgen_formats.tidy_heads import find_tidy_head
 from skelgen_formats.turn_titles import AXES
@@ -41,7 +42,7 @@ _DEEPEST, _MOST_TIMES = 64, 1000  # objects in objects; frames for each one that
 _OWNER = re.compile(
     r"(?:(?:body|person|people|subject|user|player|actor|skeleton|track(?:ing)?|instance)_?)?(?:id|index)"
 )
-_OF_FRAME = re.compile(r"(?:frame|image|img|time|t)[ _-]?\d+(?:\.\w+)?", re.IGNORECASE)  # frame_0001
+_OF_FRAME = re.compile(r"(?:(?:frame|image|img|time|t)[ _-]?)?\d+(?:\.\w+)?", re.IGNORECASE)  # frame_0001, 0.02
 
 _Path = tuple[str, ...]
 
@@ -123,6 +124,8 @@ def take_from_value(path: Path, value: Any, options: Options, what: str) -> Traj
 def _table(value: Any) -> Iterator[str]:
     """Yield the lines of a table of records of single values, in a list or in one of an object, if there are any."""
     lists = [value] if isinstance(value, list) else [*value.values()] if isinstance(value, dict) else []
+    if isinstance(value, dict) and len(lists) > 1 and all(_are_places(one) for one in lists):
+        lists = [[{"name": name, **row} for name, rows in value.items() for row in rows]]
     for rows in (rows for rows in lists if isinstance(rows, list) and rows and isinstance(rows[0], dict)):
         keys = [*rows[0]]
         cells = [row.get(key) for row in rows for key in keys] if all(isinstance(row, dict) for row in rows) else [[]]
@@ -130,6 +133,10 @@ def _table(value: Any) -> Iterator[str]:
             starts = range(0, len(cells), max(len(keys), 1))
             yield from ("\t".join(keys), *("\t".join(map(_cell, cells[at : at + len(keys)])) for at in starts))
             return
+
+
+def _are_places(rows: Any) -> bool:
+    return isinstance(rows, list) and all(isinstance(row, dict) and {*AXES} <= {*map(str.lower, row)} for row in rows)
 
 
 def _cell(one: Any) -> str:
@@ -246,11 +253,14 @@ def _spread(path: Path, leaves: Mapping[_Path, Any]) -> dict[_Path, Any]:
     """Return leaves with the names that lists of each frame have in common, and their positions in this order."""
     found = dict(leaves)
     for key, names in leaves.items():
+        if _are_texts_of_frames(names) and all(1 < len({*row}) == len(row) - sum(map(is_number, row)) for row in names):
+            found.setdefault((*key[:-1], _NAMES), found.pop(key))  # called joint, type, id
+    for key, names in dict(found).items():
         if not _are_texts_of_frames(names) or all(row == names[0] for row in names):
             continue
         every = [*dict.fromkeys(name for row in names for name in row)]
         sizes = [len(row) for row in names]
-        for other, rows in leaves.items():
+        for other, rows in dict(found).items():
             are_lists = other != key and isinstance(rows, list) and all(isinstance(row, list) for row in rows)
             if not are_lists or [len(row) for row in rows] != sizes:
                 continue

@@ -23,6 +23,7 @@ from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.model.arrays import Floats
 from skelgen_formats.clock_titles import clock_of
 from skelgen_formats.options import Options
+from skelgen_formats.text import is_number, seconds_of
 from skelgen_formats.time_stamps import Stamps, since_first
 from skelgen_formats.titles import bodies_of, with_axes
 from skelgen_formats.turn_titles import AXES
@@ -101,12 +102,18 @@ def take_from_arrays(
 def _stamps(arrays: Arrays, n_frames: int) -> Iterator[Stamps]:
     """Yield the times of frames, by the names of arrays; each point may have them anew."""
     numbers = {key: array.squeeze().astype(np.float64) for key, array in arrays.items() if array.dtype.kind in "fiu"}
+    texts = {
+        key: [*map(seconds_of, map(str, one))] for key, one in arrays.items() if one.dtype.kind == "U" and one.ndim == 1
+    }
+    dates = {key: np.array(one, dtype=np.float64) for key, one in texts.items() if one and all(map(is_number, one))}
+    numbers |= dates
     same = {key: array[0] for key, array in numbers.items() if array.ndim > 1 and (array == array[:1]).all()}
     fitting = {key: array for key, array in (numbers | same).items() if array.shape == (n_frames,)}
     columns = [*fitting.values()]
     if clock := clock_of([key.rpartition(".")[2] for key in fitting]):
         fraction = 0.0 if clock.fraction is None else columns[clock.fraction] * clock.per_fraction
-        yield since_first(columns[clock.column] + fraction, clock.second)
+        second = 1.0 if [*fitting][clock.column] in dates else clock.second
+        yield since_first(columns[clock.column] + fraction, second)
 
 
 def _unflattened(key: str, array: NDArray[Any]) -> NDArray[Any]:

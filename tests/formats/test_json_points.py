@@ -50,6 +50,12 @@ LAYOUTS = {
     "keys of frames": {f"frame_{n:04}": {"t": t, **by_name(frame)} for n, (t, frame) in enumerate(FRAMES)},
     "times of each track": [{"label": n, "t": TIMES, "at": [f[k] for f in PLACES]} for k, n in enumerate(NAMES)],
     "stamps of ROS": [{"stamp": {"sec": 5, "nanosec": t * 1e9}, "markers": named(frame)} for t, frame in FRAMES],
+    "names of another key": [
+        {"t": t, "joints": [{"type": n, "p": p} for n, p in by_name(f).items()]} for t, f in FRAMES
+    ],
+    "keys of times": {f"{t}": {"t": t, **by_name(frame)} for t, frame in FRAMES},
+    "records of each name": {n: [{"t": t, **axes(f[k])} for t, f in FRAMES] for k, n in enumerate(NAMES)},
+    "dates": [{"time": f"2024-01-02T03:04:05.{round(1e3 * t):03}Z", **by_name(frame)} for t, frame in FRAMES],
     "tidy": {"data": [{"time": t, "marker": n, **axes(p)} for t, f in FRAMES for n, p in by_name(f).items()]},
     "split": {
         "columns": [["time", ""], *([name, axis] for name in NAMES for axis in "xyz")],
