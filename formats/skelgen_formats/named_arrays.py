@@ -37,7 +37,7 @@ _POSITIONS = (
 _NAMES = (
     *("names", "labels", "label", "markernames", "markername", "markerlabels", "labelsmarker", "pointnames"),
     *("keypointnames", "bodynames", "jointnames", "bonenames", "markers", "joints", "keypoints", "points"),
-    *("bodyname", "rigidbodyname", "jointname", "bonename"),
+    *("bodyname", "rigidbodyname", "jointname", "bonename", "name"),
 )
 _RATES = (
     *("rate", "fps", "framerate", "samplingrate", "samplerate", "mocapframerate", "freq", "frequency", "fs"),
@@ -107,7 +107,8 @@ def _stamps(arrays: Arrays, n_frames: int) -> Iterator[Stamps]:
     }
     dates = {key: np.array(one, dtype=np.float64) for key, one in texts.items() if one and all(map(is_number, one))}
     numbers |= dates
-    same = {key: array[0] for key, array in numbers.items() if array.ndim > 1 and (array == array[:1]).all()}
+    filled = {key: array for key, array in numbers.items() if array.ndim > 1 and len(array)}
+    same = {key: array[0] for key, array in filled.items() if (array == array[:1]).all()}
     fitting = {key: array for key, array in (numbers | same).items() if array.shape == (n_frames,)}
     columns = [*fitting.values()]
     if clock := clock_of([key.rpartition(".")[2] for key in fitting]):
@@ -268,7 +269,7 @@ def _joined(path: Path, arrays: Arrays, notices: list[str], otherwise: str) -> t
     for array in numbers.values():
         if len(names) >= _FEWEST and array.shape[1] == len(names) * len(AXES):
             return array.reshape(len(array), len(names), len(AXES)), names
-    upright = {key: array.T if 3 in array.shape and array.shape[1] != 3 else array for key, array in numbers.items()}
+    upright = {key: one.T if len(one) in (3, 4) and one.shape[1] not in (3, 4) else one for key, one in numbers.items()}
     widths = [
         w for w in (len(AXES), len(AXES) + 1) if sum(array.shape[1] == w for array in upright.values()) >= _FEWEST
     ]

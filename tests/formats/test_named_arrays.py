@@ -200,3 +200,25 @@ def test_names_may_stand_three_times_beside_the_columns(tmp_path):
     take = read_take(tmp_path / "signals.mat")
     assert (list(take.names), take.rate) == (NAMES, 50.0)
     np.testing.assert_array_equal(take.positions, POSITIONS)
+
+
+def test_structs_with_the_same_names_are_trials_of_which_the_first_is_read(tmp_path):
+    fields = {name: POSITIONS[:, at] for at, name in enumerate(NAMES)}
+    savemat(tmp_path / "trials.mat", {"walk1": fields, "walk2": {name: one + 1 for name, one in fields.items()}})
+    take = read_take(tmp_path / "trials.mat")
+    assert list(take.names) == NAMES
+    np.testing.assert_array_equal(take.positions, POSITIONS)
+    assert "structs with the same names are left out, but the first: walk2" in take.notices
+
+
+def test_matrix_of_characters_names_the_points(tmp_path):
+    savemat(tmp_path / "names.mat", {"data": POSITIONS.reshape(N_FRAMES, 12), "labels": np.array(NAMES), "x": []})
+    assert list(read_take(tmp_path / "names.mat").names) == NAMES
+
+
+def test_points_of_four_rows_are_read(tmp_path):
+    savemat(
+        tmp_path / "rows.mat",
+        {name: np.vstack([POSITIONS[:, at].T, np.ones(N_FRAMES)]) for at, name in enumerate(NAMES)},
+    )
+    np.testing.assert_array_equal(read_take(tmp_path / "rows.mat").positions, POSITIONS)
