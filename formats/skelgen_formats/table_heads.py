@@ -13,7 +13,7 @@ from itertools import chain, combinations_with_replacement, groupby, pairwise, p
 from operator import mul
 
 from skelgen_formats.body_columns import Body
-from skelgen_formats.clock_titles import Clock
+from skelgen_formats.clock_titles import Clock, clock_of, is_frame
 from skelgen_formats.options import MM_PER_UNIT
 from skelgen_formats.text import (
     is_number,
@@ -42,7 +42,7 @@ HEAD_LINES = 32
 
 _PREAMBLE = 24  # lines before the titles, at most
 _TITLE_LINES = HEAD_LINES - _PREAMBLE
-_FEWEST = 2  # points of a table that no word says what it is
+_FEWEST, _LEVELS = 2, 2  # points of a table that no word says what it is; lines of names above others
 DELIMITERS = (",", ";", "\t", "|", None)
 """What may part cells, None for blanks."""
 
@@ -99,7 +99,8 @@ def find_head(lines: Sequence[str]) -> Head | None:
             if (head := find(every[first : first + _TITLE_LINES])) is not None:
                 head.delimiter, head.n_lines = delimiter, head.n_lines + first
                 _read_preamble(head, every[:first])
-                _read_groups(head, every[first - 1 : first])
+                for row in reversed(every[max(first - _LEVELS, 0) : first]):
+                    _read_groups(head, row)
                 _pass_further_titles(head, every)
                 _read_names(head, every)
                 _read_rows(head, every)
@@ -159,15 +160,27 @@ def _read_preamble(head: Head, before: list[list[str]]) -> None:
             head.rate = head.rate or (value.rstrip(" Hzfps") if stated[1] else _rate_of_step(value, stated[3] or "s"))
 
 
-def _read_groups(head: Head, above: list[list[str]]) -> None:
-    """Write the words of a line above the names before these where they tell columns apart: subjects, or velocities."""
-    row = [cell for cells in above for cell in cells] + [""] * head.n_cells
+def _read_groups(head: Head, above: Sequence[str]) -> None:
+    """Write the words of a line above the names before these where they tell columns apart: subjects, or velocities.
+
+    Where names are numbers alone the words take their place.
+    """
+    row = [*above, *[""] * head.n_cells]
     starts = [body.place["x"] for body in head.bodies]
     words = [next(filter(None, reversed(row[: start + 1])), "") for start in starts]  # cells may be merged
     are_over = all({row[at] for at in body.place.values()} <= {row[body.place["x"]], ""} for body in head.bodies)
     if are_over and len({*words}) > 1 and "" not in words and not any(map(is_number, words)):
+        are_numbered = len({*words}) == len(words) and all(body.name.isdecimal() for body in head.bodies)
         for body, word in zip(head.bodies, words, strict=True):
-            body.name = f"{word}:{body.name}"
+            body.name = word if are_numbered else f"{word}:{body.name}"
+        if are_numbered:
+            head.notices = [notice for notice in head.notices if notice != NUMBERED]
+            head.frames = (
+                head.frames
+                if head.counts is not None
+                else next((at for at, cell in enumerate(above) if is_frame(cell)), None)
+            )
+            head.clock = head.clock or clock_of(above)
 
 
 def _rate_of_step(value: str, unit: str) -> str:

@@ -154,7 +154,7 @@ def under_names(rows: list[list[str]]) -> Head | None:
         rows = [rows[1], rows[0], *rows[2:]]  # pandas may write the level of axes first
     units = {word.lower() for word in rows[1] if word} - {"s"}
     has_units = len(units) == 1 and units <= {*MM_PER_UNIT}  # between names and axes, as Mokka has them
-    axes = without_trailing_empty(rows[1 + has_units])
+    axes = [axis.strip("-.:") for axis in spelt(without_trailing_empty(rows[1 + has_units]))]
     names = [*rows[0], *[""] * len(axes)][: len(axes)]
     if sum(axis_alone(axis) is not None for axis in axes) < _FEWEST * len(AXES):
         return None
@@ -173,7 +173,9 @@ def under_names(rows: list[list[str]]) -> Head | None:
         return None
     unit = units.pop() if has_units else bodies[0].unit
     found = Head(bodies, n_cells=len(axes), n_lines=2 + has_units, unit=unit)
-    _find_times(found, [axis if clock_of([axis]) else name for name, axis in zip(names, axes, strict=True)])
+    _find_times(
+        found, [axis if clock_of([axis]) or is_frame(axis) else name for name, axis in zip(names, axes, strict=True)]
+    )
     return found
 
 

@@ -222,3 +222,22 @@ def test_level_of_axes_may_stand_above_the_names(put):
     cells = [",".join(f"{x:g}" for x in POSITIONS[0].T.ravel())] * 2
     take = read_take(put("axes.csv", ",x,x,y,y,z,z\n,a,b,a,b,a,b\n0," + cells[0] + "\n1," + cells[1] + "\n"))
     check(take)
+
+
+@pytest.mark.parametrize("axis", ["{}-axis", "{} Coord", "{}pos", "{}.", "-{}", "{}-Koordinate"])
+def test_axes_below_names_may_be_spelt_in_other_ways(put, axis):
+    axes = ",".join(axis.format(one) for one in "XYZXYZ")
+    take = read_take(put("axes.csv", f"frame,time,a,,,b,,\n,,{axes}\n" + rows("{0},{1},")))
+    check(take)
+    assert take.rate == pytest.approx(50.0)
+
+
+@pytest.mark.parametrize("between", [",,1,1,1,2,2,2", ",,Position,Position,Position,Position,Position,Position"])
+def test_lines_between_names_and_axes_take_no_names(put, between):
+    take = read_take(put("ids.csv", f"frame,time,a,,,b,,\n{between}\n,,X,Y,Z,X,Y,Z\n" + rows("{0},{1},")))
+    check(take)
+    assert take.rate == pytest.approx(50.0)
+
+
+def test_words_for_axes_may_stand_below_names(put):
+    check(read_take(put("words.csv", "time,a,,,b,,\n,AP,ML,V,AP,ML,V\n" + rows("{1},"))))
