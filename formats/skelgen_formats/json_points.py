@@ -253,21 +253,29 @@ def _spread(path: Path, leaves: Mapping[_Path, Any]) -> dict[_Path, Any]:
     """Return leaves with the names that lists of each frame have in common, and their positions in this order."""
     found = dict(leaves)
     for key, names in leaves.items():
-        if _are_texts_of_frames(names) and all(1 < len({*row}) == len(row) - sum(map(is_number, row)) for row in names):
+        beside = [rows for other, rows in leaves.items() if other != key and other[: len(key) - 1] == key[:-1]]
+        tells = _are_texts_of_frames(names) and any(_lists_places(rows, names) for rows in beside)
+        if tells and all(1 < len({*row}) == len(row) - sum(map(is_number, row)) for row in names):
             found.setdefault((*key[:-1], _NAMES), found.pop(key))  # called joint, type, id
     for key, names in dict(found).items():
         if not _are_texts_of_frames(names) or all(row == names[0] for row in names):
             continue
         every = [*dict.fromkeys(name for row in names for name in row)]
-        sizes = [len(row) for row in names]
         for other, rows in dict(found).items():
-            are_lists = other != key and isinstance(rows, list) and all(isinstance(row, list) for row in rows)
-            if not are_lists or [len(row) for row in rows] != sizes:
-                continue
-            if all(isinstance(place, list) and len(place) == len(AXES) for row in rows for place in row):
+            if other != key and _lists_places(rows, names):
                 frames = [dict(zip(row, places, strict=True)) for row, places in zip(names, rows, strict=True)]
                 found |= {other: array_from_records(path, frames, every, len(AXES)), key: every}
     return found
+
+
+def _lists_places(rows: Any, names: Sequence[Sequence[str]]) -> bool:
+    """Whether there is a list for each of those of names, with a position for each name."""
+    are_lists = isinstance(rows, list) and all(isinstance(row, list) for row in rows)
+    return (
+        are_lists
+        and [*map(len, rows)] == [*map(len, names)]
+        and all(isinstance(place, list) and len(place) == len(AXES) for row in rows for place in row)
+    )
 
 
 def _are_texts_of_frames(value: Any) -> bool:

@@ -20,6 +20,8 @@ _VERSION = r"3d|filt\w*|smooth\w*|interp\w*|raw|mean|avg|val(?:ue)?|est\w*|true|
 OF_VERSION = re.compile(rf"(.+{BETWEEN}[xyz])(?:{BETWEEN}(?:{_VERSION})|3d)", re.IGNORECASE)
 """A title of a version of a coordinate, such as knee_x_raw, of which another may stand beside it."""
 
+_TURN = "quat|quaternion|rot|rotation|orientation|euler"
+_RW = re.compile(rf"((?:.+{BETWEEN})?)r([wxyz])", re.IGNORECASE)  # components of a quaternion, if one is w
 _NO_NAME = rf"(?:{LENGTH}|std\w*|err\w*|{_VERSION})"
 _SPELT = (
     # p_RS_R_x [m], q_RS_w [] of EuRoC
@@ -45,6 +47,10 @@ _SPELT = (
     (re.compile(r"([xyz]) of (.+)", re.IGNORECASE), r"\2_\1"),
     (re.compile(rf"([xyz]){BETWEEN}(.+)_(mm|cm)", re.IGNORECASE), r"\2_\1 [\3]"),  # X_knee_mm
     (re.compile(rf"([wxyz]){BETWEEN}(rotation|orientation)(\W.*)?", re.IGNORECASE), r"\2_\1\3"),
+    (re.compile(rf"(roll|pitch|yaw){BETWEEN}(?!deg|rad|rate|vel|acc|angle)(.+)", re.IGNORECASE), r"\2_\1"),
+    (re.compile(rf"({_TURN}){BETWEEN}?([wxyz]){BETWEEN}(.+)", re.IGNORECASE), r"\3_\1_\2"),  # quat_w_knee
+    (re.compile(rf"(.+{BETWEEN})([wxyz]){BETWEEN}?({_TURN})", re.IGNORECASE), r"\1\3_\2"),  # knee_wquat
+    (re.compile(rf"(quat|quaternion|euler){BETWEEN}(.+){BETWEEN}([wxyz])", re.IGNORECASE), r"\2_\1_\3"),
 )
 """What stands around an axis in other spellings, and how such titles are read."""
 
@@ -69,7 +75,10 @@ def spelt(titles: Sequence[str]) -> list[str]:
     """
     plain, lower = [], [*map(str.lower, titles)]
     whole = ("_".join(filter(None, _PARTS.findall(one))) if one.startswith("(") else one for one in titles)
-    for title in with_letters([*map(str.strip, whole)]):
+    stripped = with_letters([*map(str.strip, whole)])
+    if any((match := _RW.fullmatch(one)) and match[2].lower() == "w" for one in stripped):
+        stripped = [_RW.sub(r"\1q\2", one) if _RW.fullmatch(one) else one for one in stripped]
+    for title in stripped:
         other = next((match.expand(usual) for one, usual in _SPELT if (match := one.fullmatch(title))), title)
         is_second = other != title and other in plain and titles.count(title) == 1
         # or a torque, tx_plate beside fx_plate

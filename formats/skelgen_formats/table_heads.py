@@ -48,7 +48,7 @@ DELIMITERS = (",", ";", "\t", "|", None)
 
 _NO_PLACES = re.compile(
     r"(.*[_ .:/-])?(l?acc|accel\w*|gyro?\w*|mag|magnet\w*|quat\w*|euler\w*|rot|rotation|orientation|ang|angles?|angular"
-    r"|omega|forces?|moments?|torques?|grf|fp\d+|force_?plate\d*|dir|direction|velo?|velocity|velocities|speed"
+    r"|theta|omega|forces?|moments?|torques?|grf|fp\d+|force_?plate\d*|dir|direction|velo?|velocity|velocities|speed"
     r"|jerk|scale|colou?r|std\w*|sigma|cov\w*)([_ .:/-].*)?",
     re.IGNORECASE,
 )
