@@ -3,7 +3,8 @@
 A line may hold a point, ``knee 1.5 2.5 3.5`` or ``12:00:01.5 marker knee x=1.5 y=2.5 z=3.5``, or all of a frame,
 ``0.02,knee,1.5,2.5,3.5,toe,4.5,5.5,6.5`` or ``t=0.02 knee_x=1.5 knee_y=2.5 ...``. A frame begins where a name comes
 again, or one from before the last one, or where the number or time of day before the points, which may stand in a
-line of its own, is another one. The numbers are written into a wide table, which `skelgen_formats.wide` reads.
+line of its own, is another one. The numbers are written into a wide table, which `skelgen_formats.wide` reads. Tables
+of a point each, below its name, become one with a column of names, which `skelgen_formats.tidy` reads.
 """
 
 import re
@@ -15,7 +16,9 @@ from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen_formats.foreign import is_foreign
 from skelgen_formats.lines import Lines, decoded_head, read_lines
 from skelgen_formats.options import POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
-from skelgen_formats.titles import bodies_of
+from skelgen_formats.text import is_number
+from skelgen_formats.tidy import read_tidy
+from skelgen_formats.titles import axis_alone, bodies_of
 from skelgen_formats.turn_titles import AXES
 from skelgen_formats.wide import read_table
 
@@ -26,6 +29,7 @@ _POINT = re.compile(
 )
 _PAIR = re.compile(rf"(?<![\w.])([a-z_][\w.-]{{0,60}})\s*[:=]\s*({_NUMBER})(?![\w.])", re.IGNORECASE)
 _MOMENT = re.compile(rf"\d{{1,2}}:\d\d:\d\d(?:[.,]\d+)?|{_NUMBER}", re.IGNORECASE)
+_CELLS = re.compile(r"[,;\t]")
 _LOOKED_AT, _FEWEST = 256, 2  # lines; points of a frame
 _BARE, _ABOVE = 2, 4  # lines without a point, of each frame and above the first
 _MOST_TIMES, _FREE = 16, 1 << 20  # points that frames may have beside those that are listed
@@ -49,6 +53,12 @@ def read_named_rows(path: Path, options: Options) -> Trajectories | PointCloud |
         If no names stand before numbers, or hardly any frame has most of them.
     """
     lines = [line for _, line in read_lines(path).numbered()]
+    if blocks := _blocks(lines):
+        if len({line.partition("\t")[0] for line in blocks[1:]}) < _FEWEST:
+            raise FormatError(
+                path, 1, "a table of a single point, which has no skeleton; write those of all points below it"
+            )
+        return read_tidy(path, Lines(path, "\n".join(blocks).encode(), "utf-8"), options)
     frames = _pairs(lines) or _frames(lines)
     names = {name: None for _, points in frames for name in points}
     n_listed = sum(len(points) for _, points in frames)
@@ -70,6 +80,21 @@ def _table(frames: _Frames, names: Mapping[str, None]) -> Iterator[str]:
     for moment, points in frames:
         numbers = [number for name in names for number in points.get(name, [""] * widths[name])]
         yield "\t".join([moment] * is_told + numbers)
+
+
+def _blocks(lines: Iterable[str]) -> list[str]:
+    """Return the lines of one table for those of a point each, with its name in a line above x, y and z; else none."""
+    name, below, table = "", False, list[str]()
+    for cells in (_CELLS.split(line) for line in lines):
+        words = [cell.strip() for cell in cells if cell.strip()]
+        if len(words) == 1 and not is_number(words[0]):
+            name, below = words[0].rpartition(": ")[2].rstrip(":"), False
+        elif name and {(axis_alone(word) or ("", ""))[0] for word in words} >= {*AXES}:
+            below = True
+            table = table or ["\t".join(["name", *cells])]
+        elif below and words:
+            table.append("\t".join([name, *cells]))
+    return table
 
 
 def _pairs(lines: Iterable[str]) -> _Frames:
@@ -115,7 +140,7 @@ def _has_named_rows(head: bytes, path: Path) -> bool:
     lines = [line for line in decoded_head(head).splitlines()[:_LOOKED_AT] if line.strip()]
     if is_foreign(head, path) or any(line.startswith((":", "<", "{")) for line in lines):  # AMC, ASF, XML
         return False
-    if len({tuple(row) for _, row in _pairs(lines[:_FEWEST])}) == 1:
+    if _blocks(lines) or len({tuple(row) for _, row in _pairs(lines[:_FEWEST])}) == 1:
         return True
     frames = _frames(lines)
     bare = sum(_POINT.search(line) is None for line in lines)

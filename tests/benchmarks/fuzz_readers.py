@@ -152,7 +152,7 @@ MORE_SEEDS = {
     "wide-parquet": ("tidy.parquet",),
     "untitled-poses": ("kitti.txt", "hand.traj"),
     "xml": ("attributes.xml",),
-    "named-rows": ("pairs.log", "names.csv"),
+    "named-rows": ("pairs.log", "names.csv", "blocks.csv"),
     "vector-csv": ("vectors.sto", "turns.csv", "lists.csv", "unreal.csv"),
 }
 """Further sound files of a format."""
@@ -380,6 +380,7 @@ _TEXT_SEEDS = {
         " ".join(f"{x:.3f}" for x in [n / 50, *_swinging(n).ravel()]) + "\n" for n in range(N_FRAMES)
     ),
     "pairs.log": "".join(f"t={frame / 50} a_x=1 a_y=2 a_z={frame} b_x=3 b_y=4 b_z=5\n" for frame in range(4)),
+    "blocks.csv": "".join(f"{name}\nframe,x,y,z\n0,1,2,3\n1,1.5,2,3\n\n" for name in "ab"),
     "names.csv": "".join(f"{frame / 50},a,1,2,{frame},b,4,5,6\n" for frame in range(4)),
     "kitti.txt": "1 0 0 0 0 1 0 0 0 0 1 0\n0.6 0 0.8 0.1 0 1 0 0 -0.8 0 0.6 0.2\n",
     "segments.csv": "FrameNumber,SubjectName,SegmentName,TX,TY,TZ,Occluded\n"

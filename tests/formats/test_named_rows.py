@@ -52,3 +52,18 @@ def test_motion_with_names_before_angles_is_not_taken_for_points(put, refused, c
 def test_forces_are_no_points(put, refused):
     rows = "".join(f"acc 1 2 {n} gyro 4 5 6\n" for n in range(4))
     assert "no points, and left out: acc, gyro" in refused(put("imu.txt", rows))
+
+
+@pytest.mark.parametrize("title", ["{n}", "Marker: {n}", "{n},,,"])
+def test_tables_of_a_point_each_below_its_name_are_read(put, title):
+    tables = [
+        title.format(n=name) + "\ntime,X (mm),Y (mm),Z (mm)\n" + "".join(f"{t},{p[0]},{p[1]},{p[2]}\n" for t in TIMES)
+        for name, p in PLACES
+    ]
+    take = read_take(put("points.csv", "\n".join(tables)))
+    assert (take.names, take.rate) == (("knee", "toe"), pytest.approx(50.0))
+    np.testing.assert_allclose(take.positions, [[place for _, place in PLACES]] * 3)
+
+
+def test_table_of_a_single_point_is_refused(put, refused):
+    assert "a single point, which has no skeleton" in refused(put("one.csv", "Walk\nframe,x,y,z\n0,1,2,3\n1,2,3,4\n"))
