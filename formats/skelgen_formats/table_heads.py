@@ -59,6 +59,7 @@ _STATED = re.compile(
     r"(?:[ _]?[\[(]?(?:hz|fps|1/s|samples?/s(?:ec)?|(m?s(?:ec)?))[\])]?)?\W*",
     re.IGNORECASE,
 )
+_OF_OTHERS = re.compile(r"analog|cut.?off|filter|pass\b|corner|heart|baud|bit|emg|force|stride|cadence", re.IGNORECASE)
 _APART = re.compile(r" {2,}")  # two statements in a line
 CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
 """Where words of one title meet: posUnit, SegmentName."""
@@ -156,7 +157,7 @@ def _read_preamble(head: Head, before: list[list[str]]) -> None:
         stated = _STATED.fullmatch(key)
         if stated and not stated[1] and not stated[2]:
             head.unit = head.unit or value
-        elif stated and not key.lower().startswith("analog"):
+        elif stated and not _OF_OTHERS.search(key):
             head.rate = head.rate or (value.rstrip(" Hzfps") if stated[1] else _rate_of_step(value, stated[3] or "s"))
 
 

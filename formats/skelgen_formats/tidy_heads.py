@@ -31,6 +31,7 @@ _FRAME_OF_ROS = "frame_id"  # a name, not a number
 _NUMBERED = 4  # lines of titles and rows that tell whether these begin with their number
 _FEWEST_TITLES = 3  # frame, name and value
 _LOOKED_AT = 1024  # rows that tell whether numbers are names of points
+_MOST_OTHERS = 24  # columns that are looked through for names
 
 
 @dataclass
@@ -106,7 +107,11 @@ def _head_of(titles: Sequence[str], cells_of: Callable[[int], list[str]]) -> Tid
             *found.get("side", []),
         }
         cells_in = cells_of(moments[0])
-        at |= zip(["name"], (one for one in sorted(others) if _are_names(cells_of(one), cells_in)), strict=False)
+        at |= zip(
+            ["name"],
+            (one for one in sorted(others)[:_MOST_OTHERS] if _are_names(cells_of(one), cells_in)),
+            strict=False,
+        )
     values = [column for column, title in enumerate(titles) if _VALUE.fullmatch(title) and column != at.get("axis")]
     if values and "name" in at and AXIS_IN_NAME.search("".join(cells_of(at["name"])[:1])):
         at.setdefault("axis", at["name"])  # knee_x, as pandas melts tables

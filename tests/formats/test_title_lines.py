@@ -241,3 +241,11 @@ def test_lines_between_names_and_axes_take_no_names(put, between):
 
 def test_words_for_axes_may_stand_below_names(put):
     check(read_take(put("words.csv", "time,a,,,b,,\n,AP,ML,V,AP,ML,V\n" + rows("{1},"))))
+
+
+@pytest.mark.parametrize(
+    "line", ["Cut-off frequency: 6", "Low pass frequency,6", "Analog rate,6", "Baudrate,6", "heart rate,6"]
+)
+def test_rates_of_other_things_are_none_of_frames(put, line):
+    take = read_take(put("other.csv", f"{line}\nframe rate,50\na_x,a_y,a_z,b_x,b_y,b_z\n" + "1,2,3,4,5,6\n" * 3))
+    assert take.rate == pytest.approx(50.0)
