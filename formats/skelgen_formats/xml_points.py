@@ -15,7 +15,6 @@ from skelgen_formats.json_points import take_from_value
 from skelgen_formats.options import POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
 from skelgen_formats.xml_text import read_root
 
-_LARGEST = 1 << 28  # bytes
 _NUMBER = rb"[-+.\de]+"
 _COORDINATES = re.compile(
     rb"<[\w:]+(?=[^<>]*\sx\s*=)(?=[^<>]*\sy\s*=)(?=[^<>]*\sz\s*=)|<\w*(?:Marker|Joint|Point)\w*(?: [^<>]*)?>\s*"
@@ -42,7 +41,7 @@ def read_xml(path: Path, options: Options) -> Trajectories | PointCloud | Poses:
     FormatError
         If it is damaged, or holds no positions.
     """
-    root = read_root(path, "", "XML of points", _LARGEST)
+    root = read_root(path, "", "XML of points", -1)
     several = {(one.getparent().tag, one.tag) for one in root.iter() if one.getnext() is not None}
     several = {(parent, tag) for parent, tag in several if any(len(one.findall(tag)) > 1 for one in root.iter(parent))}
     return take_from_value(path, _value(root, several), options, "XML")

@@ -29,7 +29,7 @@ def read_root(path: Path, root_name: str, file_name: str, largest: int) -> Any:
     file_name : str
         What such a file is called in errors, e.g. ``config.xml``.
     largest : int
-        Bytes that no such file exceeds.
+        Bytes that no such file exceeds; -1 if it may have any number.
 
     Raises
     ------
@@ -39,8 +39,8 @@ def read_root(path: Path, root_name: str, file_name: str, largest: int) -> Any:
     from lxml import etree  # noqa: PLC0415 - costs 50 ms, and most runs read no such file
 
     parser = etree.XMLParser(remove_comments=True, remove_pis=True, **SAFE_XML)
-    content = read_content(path, largest + 1)
-    if len(content) > largest:
+    content = read_content(path, largest + 1 or -1)
+    if 0 <= largest < len(content):
         raise FormatError(path, "", f"the file is larger than {largest} bytes; no {file_name} is")
     try:
         root = etree.fromstring(content, parser)
