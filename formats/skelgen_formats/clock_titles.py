@@ -7,29 +7,47 @@ may have words before it, ``Vicon_Timestamp``, ``CaptureTime``; those count wher
 import contextlib
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from skelgen_formats.text import is_number, seconds_of, words_of
+from skelgen_formats.text import is_number, is_timecode, seconds_of, words_of
 
 _FRAME = re.compile("|".join(words_of("times")["frame"]))
-_UNIT = r"(?:[ _-]?[\[(/]? ?([mnuµ]?s(?:ecs?)?|(?:milli|micro|nano)?seconds?|local|utc) ?[\])]?)?"
+_PLAIN_UNIT = r"[mnuµ]?s(?:ecs?)?|(?:milli|micro|nano)?seconds?"
+_UNIT = rf"(?:(?: in |[ _-])?[\[(/]? ?((?i:{_PLAIN_UNIT}|min(?:utes?)?|100 ?ns|local|utc)) ?[\])]?)?"
 _TIME = re.compile(rf"(?:%|_{{1,2}}|elapsed[ _])?(?:{'|'.join(words_of('times')['time'])}){_UNIT}", re.IGNORECASE)
 _NO_MOMENT = r"(?i:(?!delta|diff|start|end|begin|stop|reaction|response|duration|exposure|last))"
 _NAMED_TIME = re.compile(_NO_MOMENT + r".{1,60}(?:[ _.]time|[a-z]Time|[ _.]?(?i:time[ _]?stamp))" + _UNIT)
 _SINCE_FIRST = re.compile("delta[ _]?time" + _UNIT, re.IGNORECASE)  # else steps, which do not rise
-_SECONDS = {"s": 1.0, "ms": 1e-3, "mil": 1e-3, "mic": 1e-6, "us": 1e-6, "µs": 1e-6, "n": 1e-9}  # by how units begin
+_UNIT_ALONE = re.compile(_PLAIN_UNIT, re.IGNORECASE)
+_SECONDS = {"min": 60.0, "mil": 1e-3, "mic": 1e-6, "100": 1e-7}  # by how units begin
+_SECONDS |= {"ms": 1e-3, "us": 1e-6, "µs": 1e-6, "s": 1.0, "n": 1e-9}
 _WHOLE = re.compile(r"(.*?)(?:secs?|seconds)", re.IGNORECASE)
 _PARTS = {"nanosec": 1e-9, "nsec": 1e-9, "nanoseconds": 1e-9, "nsecs": 1e-9, "usec": 1e-6, "usecs": 1e-6}
 
 
 @dataclass(frozen=True)
 class Clock:
-    """The column of times, the seconds of its unit (0 if none is named), and that of the fractions of whole seconds."""
+    """The column of times, the seconds of its unit (0 if none is named), and that of the fractions of whole seconds.
+
+    `counts_frames` says that hundredths of seconds are frames within them, of timecodes of films (SMPTE).
+    """
 
     column: int
     second: float
     fraction: int | None = None
     per_fraction: float = 0.0
+    counts_frames: bool = False
+
+    def told_by(self, cell: str) -> "Clock":
+        """Return the clock that writes such a cell, in seconds if it is a date or a time of day.
+
+        Parameters
+        ----------
+        cell : str
+            Of the first row.
+        """
+        is_plain = self.fraction is None and is_number(cell.strip())
+        return self if is_plain else replace(self, second=1.0, counts_frames=is_timecode(cell))
 
     def moment(self, cells: Sequence[str]) -> str:
         """Return the time of a row, of a clock or calendar in seconds; an empty text if it is no number.
@@ -64,7 +82,7 @@ def clock_of(titles: Sequence[str]) -> Clock | None:
     for pattern in (_TIME, _NAMED_TIME, _SINCE_FIRST):
         for column, title in enumerate(titles):
             if match := pattern.fullmatch(title):
-                return Clock(column, _unit(match[1] or ("s" if title.lower() == "seconds" else "")))
+                return Clock(column, _unit(match[1] or (title if _UNIT_ALONE.fullmatch(title) else "")))
     return None
 
 

@@ -2,10 +2,10 @@
 
 Lists of objects are taken apart into a list for each of their keys, so that ``[{"t": 0, "knee": [1, 2, 3]}, ...]``
 becomes times and the positions of a knee; so are objects in them, and objects whose keys are numbers. ``{"x": 1, "y":
-2, "z": 3}`` is a position. Where each frame lists points with their names, they may be in any order, or missing. What
-is then a list of numbers of any shape is an array, called by the end of its path that no other has; which of them are
-positions, names, rate or times `skelgen_formats.named_arrays` finds. The markers of Track Manager stand in parts, from
-one frame to another.
+2, "z": 3}`` is a position. Where each frame lists points with their names, they may be in any order, or missing; so
+may people with an id, or several without one. What is then a list of numbers of any shape is an array, called by the
+end of its path that no other has; which of them are positions, names, rate or times `skelgen_formats.named_arrays`
+finds. The markers of Track Manager stand in parts, from one frame to another.
 """
 
 import contextlib
@@ -26,6 +26,8 @@ from skelgen_formats.named_arrays import take_from_arrays
 from skelgen_formats.options import POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
 from skelgen_formats.row_owners import array_from_records
 from skelgen_formats.summary_json import SCHEMA
+from skelgen_formats.table_heads import CAMEL
+from skelgen_formats.text import is_number
 from skelgen_formats.tidy import read_tidy
 from skelgen_formats.tidy_heads import find_tidy_head
 from skelgen_formats.turn_titles import AXES
@@ -35,8 +37,12 @@ _SUFFIXES = (".json", ".jsonl", ".ndjson")
 _NAME_KEYS, _NAMES = ("name", "label"), "names"
 _POSITION = "position"
 _PLACE_WORDS = (_POSITION, "positions", "pos", "translation", "location", "coordinates", "xyz", "data")
-_OTHERWISE = "this is JSON; write the points as TRC or wide CSV, those of images triangulated first"
+_JSON, _OTHERWISE = "JSON", "this is {}; write the points as TRC or wide CSV, those of images triangulated first"
 _DEEPEST, _MOST_TIMES = 64, 1000  # objects in objects; frames for each one that is listed
+_OWNER = re.compile(
+    r"(?:(?:body|person|people|subject|user|player|actor|skeleton|track(?:ing)?|instance)_?)?(?:id|index)"
+)
+_OF_FRAME = re.compile(r"(?:(?:frame|image|img|time|t)[ _-]?)?\d+(?:\.\w+)?", re.IGNORECASE)  # frame_0001, 0.02
 
 _Path = tuple[str, ...]
 
@@ -64,13 +70,46 @@ def read_json(path: Path, options: Options) -> Trajectories | PointCloud | Poses
             value = [json.loads(line) for line in text.splitlines() if line.strip()]
         if isinstance(value, dict) and value.get("schema") == SCHEMA:
             raise FormatError(path, "", "this is a summary of skelgen, without positions; open the .skelgen beside it")
+    except (ValueError, RecursionError) as error:
+        raise FormatError(path, "", _damaged(_JSON, error)) from error
+    return take_from_value(path, value, options, _JSON)
+
+
+def _damaged(what: str, error: Exception) -> str:
+    return f"no {what}, or damaged: {' '.join(str(error).split())[:100]}"
+
+
+def take_from_value(path: Path, value: Any, options: Options, what: str) -> Trajectories | PointCloud | Poses:
+    """Return the take that lists and objects hold, as JSON has them.
+
+    Parameters
+    ----------
+    path : Path
+        The file, for errors.
+    value : list, dict, str, float or None
+        What it holds.
+    options : Options
+        `points`, `recorded_rate`, `recorded_unit` and `sample` count.
+    what : str
+        What the file is, for errors.
+
+    Raises
+    ------
+    FormatError
+        If it is damaged, or holds no positions.
+    """
+    try:
         lines = Lines(path, "\n".join(_table(value)).encode(), "utf-8")
         if find_tidy_head(lines) is not None:
             return read_tidy(path, lines, options)
-        leaves = dict(_leaves(_with_whole_markers(value), ()))
+        counts: dict[_Path, Counter[Any]] = {}
+        value = _plain(_with_whole_markers(value))
+        _find_owners(value, (), counts, in_frame=False)
+        owners = {key: _listed(count) for key, count in counts.items()}
+        leaves = dict(_leaves(_by_owner(value, (), owners), ()))
         arrays = {key: _array(leaf) for key, leaf in _spread(path, leaves).items()}
     except (ValueError, TypeError, LookupError, RecursionError, OverflowError) as error:
-        raise FormatError(path, "", f"no JSON, or damaged: {' '.join(str(error).split())[:100]}") from error
+        raise FormatError(path, "", _damaged(what, error)) from error
     for key in [key for key in arrays if len(key) > 1 and key[-1].lower() in _PLACE_WORDS]:
         arrays.setdefault(key[:-1], arrays.pop(key))
     several = [key for key in arrays if len(key) > 1 and key[-1] == _NAMES]
@@ -79,12 +118,14 @@ def read_json(path: Path, options: Options) -> Trajectories | PointCloud | Poses
     ends = {key: [".".join(key[at:]) for at in range(len(key) - 1, -1, -1)] for key in arrays}
     count = Counter(end for every in ends.values() for end in every)
     named = {next((end for end in ends[key] if count[end] == 1), ".".join(key)): one for key, one in arrays.items()}
-    return take_from_arrays(path, named, options, _OTHERWISE)
+    return take_from_arrays(path, named, options, _OTHERWISE.format(what))
 
 
 def _table(value: Any) -> Iterator[str]:
     """Yield the lines of a table of records of single values, in a list or in one of an object, if there are any."""
     lists = [value] if isinstance(value, list) else [*value.values()] if isinstance(value, dict) else []
+    if isinstance(value, dict) and len(lists) > 1 and all(_are_places(one) for one in lists):
+        lists = [[{"name": name, **row} for name, rows in value.items() for row in rows]]
     for rows in (rows for rows in lists if isinstance(rows, list) and rows and isinstance(rows[0], dict)):
         keys = [*rows[0]]
         cells = [row.get(key) for row in rows for key in keys] if all(isinstance(row, dict) for row in rows) else [[]]
@@ -92,6 +133,10 @@ def _table(value: Any) -> Iterator[str]:
             starts = range(0, len(cells), max(len(keys), 1))
             yield from ("\t".join(keys), *("\t".join(map(_cell, cells[at : at + len(keys)])) for at in starts))
             return
+
+
+def _are_places(rows: Any) -> bool:
+    return isinstance(rows, list) and all(isinstance(row, dict) and {*AXES} <= {*map(str.lower, row)} for row in rows)
 
 
 def _cell(one: Any) -> str:
@@ -133,7 +178,7 @@ def _plain(value: Any) -> Any:
         return [_plain(one) if isinstance(one, (dict, list)) else one for one in value]
     if not isinstance(value, dict) or not value:
         return value
-    if all(key.isdecimal() for key in value):
+    if all(map(str.isdecimal, value)) or (len(value) > 1 and all(map(_OF_FRAME.fullmatch, value))):
         return [_plain(one) for one in value.values()]
     axes = {key.lower(): key for key in value if key.lower() in AXES and not isinstance(value[key], dict)}
     if len(axes) < len(AXES):
@@ -143,6 +188,49 @@ def _plain(value: Any) -> Any:
     place = [value[axes[axis]] for axis in AXES]
     others = {key: one for key, one in value.items() if key not in axes.values()}
     return {**others, _POSITION: place} if others else place
+
+
+def _find_owners(value: Any, path: _Path, owners: dict[_Path, Counter[Any]], *, in_frame: bool) -> None:
+    """Count whose objects the lists of frames hold, by their ids, and the lists themselves as those of None."""
+    if isinstance(value, list):
+        if in_frame and value and all(isinstance(one, dict) for one in value):
+            owners.setdefault(path, Counter()).update([None, *_ids(value)])
+        for one in value:
+            _find_owners(one, path, owners, in_frame=True)
+    elif isinstance(value, dict):
+        for key, one in value.items():
+            _find_owners(one, (*path, key), owners, in_frame=in_frame)
+
+
+def _listed(count: Counter[Any]) -> list[Any]:
+    """Return the owners of objects in an order, empty if they have none."""
+    n_lists = count.pop(None)
+    if n_lists * len(count) > _MOST_TIMES * count.total():
+        raise ValueError("ids that hardly any frame has again")
+    return sorted(count) if all(isinstance(one, int) for one in count) else [*count]
+
+
+def _ids(objects: Sequence[dict[str, Any]]) -> list[Any]:
+    """Return the id of each object; their places in the list if they have none of their own."""
+    if any(key.lower() in _NAME_KEYS or key.lower().endswith("name") for key in objects[0]):
+        return []
+    key = next((key for key in objects[0] if _OWNER.fullmatch(CAMEL.sub("_", key).lower())), "")
+    ids = [one.get(key) for one in objects]
+    are_own = all(isinstance(one, (str, int)) for one in ids) and len({*ids}) == len(ids)
+    return ids if are_own else [*range(len(objects))]
+
+
+def _by_owner(value: Any, path: _Path, owners: Mapping[_Path, list[Any]]) -> Any:
+    """Return the value with the objects of each owner at one place in the lists of all frames, None where missing."""
+    if isinstance(value, dict):
+        return {key: _by_owner(one, (*path, key), owners) for key, one in value.items()}
+    if not isinstance(value, list):
+        return value
+    inner = [_by_owner(one, path, owners) for one in value]
+    if not owners.get(path) or not inner or not isinstance(inner[0], dict):
+        return inner
+    there = dict(zip(_ids(value), inner, strict=True))
+    return [there.get(owner) for owner in owners[path]] if there else inner
 
 
 def _keys(value: Any) -> Iterator[str]:
@@ -165,18 +253,29 @@ def _spread(path: Path, leaves: Mapping[_Path, Any]) -> dict[_Path, Any]:
     """Return leaves with the names that lists of each frame have in common, and their positions in this order."""
     found = dict(leaves)
     for key, names in leaves.items():
+        beside = [rows for other, rows in leaves.items() if other != key and other[: len(key) - 1] == key[:-1]]
+        tells = _are_texts_of_frames(names) and any(_lists_places(rows, names) for rows in beside)
+        if tells and all(1 < len({*row}) == len(row) - sum(map(is_number, row)) for row in names):
+            found.setdefault((*key[:-1], _NAMES), found.pop(key))  # called joint, type, id
+    for key, names in dict(found).items():
         if not _are_texts_of_frames(names) or all(row == names[0] for row in names):
             continue
         every = [*dict.fromkeys(name for row in names for name in row)]
-        sizes = [len(row) for row in names]
-        for other, rows in leaves.items():
-            are_lists = other != key and isinstance(rows, list) and all(isinstance(row, list) for row in rows)
-            if not are_lists or [len(row) for row in rows] != sizes:
-                continue
-            if all(isinstance(place, list) and len(place) == len(AXES) for row in rows for place in row):
+        for other, rows in dict(found).items():
+            if other != key and _lists_places(rows, names):
                 frames = [dict(zip(row, places, strict=True)) for row, places in zip(names, rows, strict=True)]
                 found |= {other: array_from_records(path, frames, every, len(AXES)), key: every}
     return found
+
+
+def _lists_places(rows: Any, names: Sequence[Sequence[str]]) -> bool:
+    """Whether there is a list for each of those of names, with a position for each name."""
+    are_lists = isinstance(rows, list) and all(isinstance(row, list) for row in rows)
+    return (
+        are_lists
+        and [*map(len, rows)] == [*map(len, names)]
+        and all(isinstance(place, list) and len(place) == len(AXES) for row in rows for place in row)
+    )
 
 
 def _are_texts_of_frames(value: Any) -> bool:
@@ -205,11 +304,11 @@ def _filled(leaf: Any) -> Any:
     if not isinstance(leaf, Sequence) or isinstance(leaf, str):
         return leaf
     whole = [_filled(one) for one in leaf]
-    shapes = [one for one in whole if isinstance(one, list) and one]
+    shapes = [one for one in whole if isinstance(one, list) and any(part is not None for part in one)]
     if not shapes or len(shapes) == len(whole):
         return whole
     empty = np.full(np.shape(np.asarray(shapes[0], dtype=np.float64)), np.nan).tolist()
-    return [one if isinstance(one, list) and one else empty for one in whole]
+    return [one if isinstance(one, list) and any(part is not None for part in one) else empty for one in whole]
 
 
 def _is_json(head: bytes, path: Path) -> bool:

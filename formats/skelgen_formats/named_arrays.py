@@ -3,9 +3,11 @@
 Positions are an array with an axis of three (or of four, the last all ones, as ezc3d has them), an array for each
 point, or for each of x, y and z, or rows of all coordinates beside the points' names. Frames are along the axis that
 has not as many entries as there are names; without names they are first, unless these are fewer than the points and
-positions change far less from point to point. Bodies are poses of four rows, in one array, or in one for each.
+positions change far less from point to point. Bodies are poses of four rows, in one array, or in one for each. A
+fourth number between 0 and 1 is a confidence, 0 where a point is unseen; an axis more is of people.
 """
 
+import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -21,9 +23,11 @@ from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.model.arrays import Floats
 from skelgen_formats.clock_titles import clock_of
 from skelgen_formats.options import Options
+from skelgen_formats.text import is_number, seconds_of
 from skelgen_formats.time_stamps import Stamps, since_first
-from skelgen_formats.titles import bodies_of
+from skelgen_formats.titles import bodies_of, with_axes
 from skelgen_formats.turn_titles import AXES
+from skelgen_formats.untitled_points import positions_of_columns
 from skelgen_formats.wide import take_from_table
 
 _POSITIONS = (
@@ -33,8 +37,12 @@ _POSITIONS = (
 _NAMES = (
     *("names", "labels", "label", "markernames", "markername", "markerlabels", "labelsmarker", "pointnames"),
     *("keypointnames", "bodynames", "jointnames", "bonenames", "markers", "joints", "keypoints", "points"),
+    *("bodyname", "rigidbodyname", "jointname", "bonename", "name"),
 )
-_RATES = ("rate", "fps", "framerate", "samplingrate", "samplerate", "mocapframerate", "freq", "frequency", "fs")
+_RATES = (
+    *("rate", "fps", "framerate", "samplingrate", "samplerate", "mocapframerate", "freq", "frequency", "fs"),
+    *("videoframerate", "markerrate", "pointrate", "camerarate"),
+)
 _UNITS = ("unit", "units")
 _TITLES = ("columns", "colheaders", "headers", "header", "titles", "variables", "varnames", *_NAMES)
 _BODY_MODEL = {"poses", "trans"}  # of AMASS: angles of SMPL and where its root is
@@ -44,6 +52,8 @@ _LOOKED_AT = 256  # frames and points whose changes are compared
 _POSE, _UNIT_TOLERANCE = 7, 1e-3  # numbers of a place and a quaternion; of the length of these
 _FEWEST = 2  # points in arrays of their own
 _POSITION_WORDS = {"pos", "position", "positions", "xyz"}  # in names of arrays
+_MOST_PEOPLE, _FEWEST_JOINTS = 16, 4  # in a frame; arrays of one shape that are points of theirs
+_FLAT = re.compile(r"(?:.*[_.])?(?:\w+_)?(?:joints?|keypoints?|landmarks?|pose)[_\d]*(3d)?", re.IGNORECASE)
 _POSE_ROWS = (16, 17)  # numbers of a matrix of four rows, and of one with a residual
 
 Arrays = Mapping[str, NDArray[Any]]
@@ -76,6 +86,7 @@ def take_from_arrays(
         If none of them, or several, may be positions.
     """
     notices: list[str] = []
+    arrays = {key: _without_grades(_unflattened(key, array)) for key, array in arrays.items()}
     numbers, names = _bodies(path, arrays) or _positions(path, arrays, notices, otherwise)
     if options.sample:
         numbers = numbers[options.sample.of(np.arange(len(numbers)))]
@@ -89,15 +100,82 @@ def take_from_arrays(
 
 
 def _stamps(arrays: Arrays, n_frames: int) -> Iterator[Stamps]:
-    """Yield the times of frames, by the names of arrays."""
-    for key, array in arrays.items():
-        clock = clock_of([key.rpartition(".")[2]]) if array.shape == (n_frames,) and array.dtype.kind in "fiu" else None
-        if clock:
-            yield since_first(array.astype(np.float64), clock.second)
+    """Yield the times of frames, by the names of arrays; each point may have them anew."""
+    numbers = {key: array.squeeze().astype(np.float64) for key, array in arrays.items() if array.dtype.kind in "fiu"}
+    texts = {
+        key: [*map(seconds_of, map(str, one))] for key, one in arrays.items() if one.dtype.kind == "U" and one.ndim == 1
+    }
+    dates = {key: np.array(one, dtype=np.float64) for key, one in texts.items() if one and all(map(is_number, one))}
+    numbers |= dates
+    filled = {key: array for key, array in numbers.items() if array.ndim > 1 and len(array)}
+    same = {key: array[0] for key, array in filled.items() if (array == array[:1]).all()}
+    fitting = {key: array for key, array in (numbers | same).items() if array.shape == (n_frames,)}
+    columns = [*fitting.values()]
+    if clock := clock_of([key.rpartition(".")[2] for key in fitting]):
+        fraction = 0.0 if clock.fraction is None else columns[clock.fraction] * clock.per_fraction
+        second = 1.0 if [*fitting][clock.column] in dates else clock.second
+        yield since_first(columns[clock.column] + fraction, second)
+
+
+def _unflattened(key: str, array: NDArray[Any]) -> NDArray[Any]:
+    """Return joints that stand behind each other in rows, x, y, z and how sure each is, or called 3D, apart."""
+    match = _FLAT.fullmatch(key)
+    if match is None or array.dtype.kind != "f" or array.ndim not in (2, 3) or array.shape[-1] < _FEWEST_JOINTS**2:
+        return array
+    graded = array.reshape(*array.shape[:-1], -1, 4) if array.shape[-1] % 4 == 0 else array[..., None]
+    if _are_grades(graded) or (match[1] and array.shape[-1] % len(AXES)):
+        return graded
+    return array.reshape(*array.shape[:-1], -1, len(AXES)) if match[1] else array
+
+
+def _are_grades(array: NDArray[Any]) -> bool:
+    """Whether the fourth numbers lie between 0 and 1 and are no part of a quaternion or of a position."""
+    if array.dtype.kind != "f" or array.ndim not in (3, 4) or array.shape[-2] == 4 or array.shape[-1] != 4:
+        return False
+    seen = array[np.isfinite(array).all(axis=-1)].astype(np.float64)
+    with np.errstate(over="ignore"):
+        lengths = np.linalg.norm(seen, axis=-1)
+    grades = seen[:, 3]
+    return len(seen) > 0 and bool(((grades >= 0) & (grades <= 1)).all()) and np.abs(lengths - 1).max() > _UNIT_TOLERANCE
+
+
+def _without_grades(array: NDArray[Any]) -> NDArray[Any]:
+    """Return places without how sure each is, NaN where not at all."""
+    if not _are_grades(array):
+        return array
+    are_unseen = (array[..., 3:] == 0) & array[..., 3:].any()
+    return np.where(are_unseen, np.nan, array[..., : len(AXES)])
+
+
+def _with_people_apart(arrays: Arrays, notices: list[str]) -> tuple[dict[str, NDArray[Any]], dict[str, list[str]]]:
+    """Return arrays with those of several people as ones of their points, and the names of these, or parts of them."""
+    found, names = dict(arrays), dict[str, list[str]]()
+    alike = {key: one[0] if one.ndim == 4 else one for key, one in arrays.items() if _is_of_points(one)}
+    if len(alike) >= _FEWEST_JOINTS and len({one.shape for one in alike.values()}) == 1:
+        stacked = np.stack([*alike.values()], axis=2)
+        if stacked.shape[-1] == len(AXES) and min(stacked.shape[:2]) <= _MOST_PEOPLE:
+            found = {"positions": stacked} | {key: one for key, one in arrays.items() if key not in alike}
+            names["positions"] = [*alike]
+    for key, array in found.items():
+        if array.ndim != 4 or array.dtype.kind not in "fi" or 1 in array.shape or _are_poses(array):
+            continue
+        whole = np.moveaxis(array, 2, 3) if array.shape[2] == len(AXES) else array
+        whole = whole.swapaxes(0, 1) if whole.shape[0] < whole.shape[1] else whole
+        n_frames, n_people, n_points, width = whole.shape
+        if width != len(AXES) or n_people > _MOST_PEOPLE:
+            continue
+        texts = _filled(names.get(key) or _texts(arrays, key), n_points, "point")
+        names[key] = [f"{person + 1}:{text}" for person in range(n_people) for text in texts]
+        notices.append(
+            f"{key or 'the array'} is taken as {n_frames} frames of {n_people} people with {n_points} points each"
+        )
+        found[key] = whole.reshape(n_frames, n_people * n_points, len(AXES))
+    return found, names
 
 
 def _positions(path: Path, arrays: Arrays, notices: list[str], otherwise: str) -> tuple[NDArray[Any], list[str]]:
     """Return positions, shape (n_frames, n_points, 3), and the names of points."""
+    arrays, names_of_people = _with_people_apart(arrays, notices)
     fitting = {key: array for key, array in arrays.items() if _is_of_points(array)}
     fitting = {k: one for k, one in fitting.items() if 1 not in one.shape and "local" not in k.lower()} or fitting
     named = [key for known in _POSITIONS for key in fitting if _plain(key) == known]
@@ -112,7 +190,7 @@ def _positions(path: Path, arrays: Arrays, notices: list[str], otherwise: str) -
     key = (named or [*fitting])[0]
     numbers = [other for other, array in arrays.items() if array.ndim >= len(AXES) and array.dtype.kind in "fiu"]
     _notice_others([other for other in numbers if other != key], notices)
-    names = _texts(arrays, key)
+    names = names_of_people.get(key) or _texts(arrays, key)
     positions = _with_frames_first(_with_xyz_last(fitting[key]), len(names))
     if names and len(names) != positions.shape[1] and fitting[key].shape[-1] != len(AXES):
         what = f"{len(names)} names, and an array {key} of the shape {fitting[key].shape}; (frames, points, 3) belongs"
@@ -191,7 +269,7 @@ def _joined(path: Path, arrays: Arrays, notices: list[str], otherwise: str) -> t
     for array in numbers.values():
         if len(names) >= _FEWEST and array.shape[1] == len(names) * len(AXES):
             return array.reshape(len(array), len(names), len(AXES)), names
-    upright = {key: array.T if 3 in array.shape and array.shape[1] != 3 else array for key, array in numbers.items()}
+    upright = {key: one.T if len(one) in (3, 4) and one.shape[1] not in (3, 4) else one for key, one in numbers.items()}
     widths = [
         w for w in (len(AXES), len(AXES) + 1) if sum(array.shape[1] == w for array in upright.values()) >= _FEWEST
     ]
@@ -205,6 +283,9 @@ def _joined(path: Path, arrays: Arrays, notices: list[str], otherwise: str) -> t
         points = {key: array[:, : len(AXES)] for key, array in points.items() if array.shape == shape}
         if count >= _FEWEST:
             return np.stack([*points.values()], axis=1), [*points]
+    if len(numbers) == 1 and (found := positions_of_columns(next(iter(numbers.values())).astype(np.float64))):
+        notices.append(f"columns are taken as {found[2]}, as points then keep their distances")
+        return found[0], _filled(_texts(arrays, ""), found[0].shape[1], "point")
     held = ", ".join(f"{key} {array.shape}".strip() for key, array in list(arrays.items())[:6]) or "none"
     raise FormatError(path, "", f"{otherwise}; arrays are {held}"[:280])
 
@@ -213,7 +294,11 @@ def _titled(arrays: Arrays) -> tuple[NDArray[Any], list[str]] | None:
     """Return the points whose coordinates are arrays, or columns of one, with titles such as ``knee_x``."""
     flat = {key: array.ravel() for key, array in arrays.items() if array.dtype.kind in "fiu" and array.size}
     tables = [array for array in arrays.values() if array.dtype.kind in "fiu" and array.ndim == 2]
-    texts = [texts.tolist() for texts in _called(arrays, _TITLES) if texts.dtype.kind == "U" and texts.ndim == 1]
+    beside = (arrays[other] for other in arrays for key in arrays if other.startswith(f"{key}_") and key)
+    every_text = (
+        texts for texts in (*_called(arrays, _TITLES), *beside) if texts.dtype.kind == "U" and texts.ndim == 1
+    )
+    texts = [with_axes(texts.tolist()) or texts.tolist() for texts in every_text]
     every = [
         dict(zip(titles, table.T, strict=True)) for titles in texts for table in tables if table.shape[1] == len(titles)
     ]

@@ -15,6 +15,7 @@ import struct
 import zlib
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +39,7 @@ _CELL, _STRUCT, _CHARACTERS, _NUMBERS = 1, 2, 4, range(6, 16)  # classes of arra
 _NUMPY_TYPES = ("i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8", "i8", "u8", "S1", "u2")
 _TYPES = dict(zip((1, 2, 3, 4, 5, 6, 7, 9, 12, 13, 16, 17), _NUMPY_TYPES, strict=True))
 _MOST_TIMES, _FREE_BYTES, _DEEPEST = 100, 1 << 20, 16  # what may be packed in a file, in its size; structs in structs
+_FEWEST_POINTS = 4  # of structs with the same names, which are trials
 _NO_POINTS = (
     "a MATLAB file, but not of Qualisys: no struct with Trajectories, and no array (frames, points, 3) or struct with"
     " (frames, 3) of each point; save one of these, or export C3D or TRC"
@@ -92,8 +94,13 @@ def read_qualisys_mat(path: Path, options: Options) -> Trajectories | PointCloud
             return _bodies(path, of_bodies[0])
         held = [*_flat(dict(zip(names, variables, strict=True)))]
         count = Counter(name for name, _, _ in held)
-        arrays = {_called(name, owner, count): array for name, owner, array in held}
-        return take_from_arrays(path, arrays, options, _NO_POINTS)
+        alike = Counter(owner for name, owner, one in held if count[name] > 1 and one.ndim == 2 and 3 in one.shape)
+        others = [owner for owner, n_points in alike.items() if n_points >= _FEWEST_POINTS][1:]  # further trials
+        count = Counter(name for name, owner, _ in held if owner not in others)
+        arrays = {_called(name, owner, count): array for name, owner, array in held if owner not in others}
+        take = take_from_arrays(path, arrays, options, _NO_POINTS)
+        left_out = f"structs with the same names are left out, but the first: {', '.join(others)[:100]}"
+        return replace(take, notices=(left_out, *take.notices)) if others else take
     rate, frames = (_number(found[0].get(name)) for name in ("FrameRate", "Frames"))
     if rate is None or not 0 < rate < np.inf:
         raise FormatError(path, "FrameRate", "the frame rate is missing or not above 0")
@@ -267,7 +274,10 @@ def _value(content: bytes, order: str, depth: int = 0) -> _Value:
         raise _DamageError("numbers of an unknown type")
     if kind == _CHARACTERS:
         wide = np.dtype(_TYPES[stored]).itemsize == 2
-        return data.decode(("utf-16-be" if order == ">" else "utf-16-le") if wide else "utf-8", "replace").strip(" \0")
+        text = data.decode(("utf-16-be" if order == ">" else "utf-16-le") if wide else "utf-8", "replace")
+        rows = shape[0] if len(shape) == 2 and shape[0] * shape[1] == len(text) else 1
+        texts = [text[row::rows].strip(" \0") for row in range(rows)]  # a matrix of characters has a text in each row
+        return [*texts] if rows > 1 else text.strip(" \0")
     return np.frombuffer(data, f"{order}{_TYPES[stored]}").reshape(shape, order="F")
 
 

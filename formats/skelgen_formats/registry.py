@@ -37,6 +37,7 @@ from skelgen_formats import (
     motion_csv,
     motive,
     mvnx,
+    named_rows,
     nexus,
     opensim,
     parquet_tables,
@@ -50,10 +51,12 @@ from skelgen_formats import (
     tracking_tools,
     trc,
     untitled,
+    untitled_points,
     urdf,
     usd,
     vectors,
     wide,
+    xml_points,
 )
 from skelgen_formats.bone_profiles import with_bone_names
 from skelgen_formats.foreign import is_foreign as foreign
@@ -77,6 +80,7 @@ FORMATS: tuple[Format, ...] = (
     *(classic_xml.FORMAT, cal3d.FORMAT, opensim.FORMAT, urdf.FORMAT, mjcf.FORMAT, bvh.FORMAT, acclaim.FORMAT),
     *(gltf.FORMAT, usd.FORMAT, summary_json.FORMAT, tidy.FORMAT, wide.CSV, parquet_tables.FORMAT, vectors.FORMAT),
     *(untitled.FORMAT, mfml.FORMAT, classic_texts.LIMBS, classic_texts.COSTS, classic_texts.TREE),
+    *(untitled_points.FORMAT, named_rows.FORMAT, xml_points.FORMAT),
 )
 """All formats, in the order in which they are sniffed: the most particular content first."""
 

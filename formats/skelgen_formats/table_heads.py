@@ -9,12 +9,21 @@ import contextlib
 import math
 import re
 from collections.abc import Sequence
-from itertools import chain, combinations_with_replacement, groupby, product
+from itertools import chain, combinations_with_replacement, groupby, pairwise, product
 from operator import mul
 
 from skelgen_formats.body_columns import Body
+from skelgen_formats.clock_titles import Clock, clock_of, is_frame
 from skelgen_formats.options import MM_PER_UNIT
-from skelgen_formats.text import is_number, seconds_of, unquoted, without_trailing_empty
+from skelgen_formats.text import (
+    is_number,
+    is_unseen,
+    seconds_of,
+    unit_behind,
+    unquoted,
+    without_trailing_empty,
+    words_of,
+)
 from skelgen_formats.title_lines import (
     NUMBERED,
     Head,
@@ -33,20 +42,24 @@ HEAD_LINES = 32
 
 _PREAMBLE = 24  # lines before the titles, at most
 _TITLE_LINES = HEAD_LINES - _PREAMBLE
-_FEWEST = 2  # points of a table that no word says what it is
+_FEWEST, _LEVELS = 2, 2  # points of a table that no word says what it is; lines of names above others
 DELIMITERS = (",", ";", "\t", "|", None)
 """What may part cells, None for blanks."""
 
 _NO_PLACES = re.compile(
     r"(.*[_ .:/-])?(l?acc|accel\w*|gyro?\w*|mag|magnet\w*|quat\w*|euler\w*|rot|rotation|orientation|ang|angles?|angular"
-    r"|omega|forces?|moments?|torques?|grf|fp\d+|force_?plate\d*|dir|direction|velo?|velocity|velocities|speed"
+    r"|theta|omega|forces?|moments?|torques?|grf|fp\d+|force_?plate\d*|dir|direction|velo?|velocity|velocities|speed"
     r"|jerk|scale|colou?r|std\w*|sigma|cov\w*)([_ .:/-].*)?",
     re.IGNORECASE,
 )
 _SENSED = re.compile(r".*[a-z](Acc|Accel\w*|Gyr\w*|Mag|Magnet\w*|Vel|Velocity)")  # FreeAcc
+_RATE, _STEP = ("|".join(words_of("times")[kind]) for kind in ("rate", "step"))
 _STATED = re.compile(
-    r"(?:[a-z]+[ _]){0,3}(frequency|rate|framerate|fps|fs|units?)(?: ?[\[(](?:hz|fps|1/s)[\])])?\W*", re.IGNORECASE
+    rf"(?:[^\W\d_]{{1,40}}[ _]){{0,3}}(?:({_RATE})|({_STEP})|units?)"
+    r"(?:[ _]?[\[(]?(?:hz|fps|1/s|samples?/s(?:ec)?|(m?s(?:ec)?))[\])]?)?\W*",
+    re.IGNORECASE,
 )
+_OF_OTHERS = re.compile(r"analog|cut.?off|filter|pass\b|corner|heart|baud|bit|emg|force|stride|cadence", re.IGNORECASE)
 _APART = re.compile(r" {2,}")  # two statements in a line
 CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
 """Where words of one title meet: posUnit, SegmentName."""
@@ -61,6 +74,7 @@ _OWNING = re.compile(
     r"(?:joint|marker|bone|segment|body|keypoint|landmark|sensor|point|finger|hand|side)[ _]?(?:name|label|type)?",
     re.IGNORECASE,
 )
+_EVEN = 2.0  # how much longer than the shortest one a step from time to time is, at most
 _UNIT_TOLERANCE = 1e-3  # of the length of quaternions, which are printed with a few digits
 _FLAGS = [["0"], ["1"], ["true"], ["false"]]
 _COMMENT = "#%"  # what stands before the titles that numpy and ROS write
@@ -86,6 +100,8 @@ def find_head(lines: Sequence[str]) -> Head | None:
             if (head := find(every[first : first + _TITLE_LINES])) is not None:
                 head.delimiter, head.n_lines = delimiter, head.n_lines + first
                 _read_preamble(head, every[:first])
+                for row in reversed(every[max(first - _LEVELS, 0) : first]):
+                    _read_groups(head, row)
                 _pass_further_titles(head, every)
                 _read_names(head, every)
                 _read_rows(head, every)
@@ -133,12 +149,45 @@ def _read_preamble(head: Head, before: list[list[str]]) -> None:
         texts.append(row if are_whole else [":".join(row[at : at + 2]) for at in range(0, len(row), 2)])
     for text in (part for row in texts for cell in row for part in _APART.split(cell)):
         key, _, value = text.lstrip("/ ").replace("=", ":", 1).partition(":")
+        if not value:  # FPS 200
+            key, _, last = text.strip().rpartition(" ")
+            value = last if is_number(last) or last.lower() in MM_PER_UNIT else ""
+        value = value.strip(": ")
         key = CAMEL.sub(" ", key.strip())
         stated = _STATED.fullmatch(key)
-        if stated and stated[1].lower().startswith("unit"):
-            head.unit = head.unit or value.strip(": ")
-        elif stated and not key.lower().startswith("analog"):
-            head.rate = head.rate or value.strip(": Hzfps")
+        if stated and not stated[1] and not stated[2]:
+            head.unit = head.unit or value
+        elif stated and not _OF_OTHERS.search(key):
+            head.rate = head.rate or (value.rstrip(" Hzfps") if stated[1] else _rate_of_step(value, stated[3] or "s"))
+
+
+def _read_groups(head: Head, above: Sequence[str]) -> None:
+    """Write the words of a line above the names before these where they tell columns apart: subjects, or velocities.
+
+    Where names are numbers alone the words take their place.
+    """
+    row = [*above, *[""] * head.n_cells]
+    starts = [body.place["x"] for body in head.bodies]
+    words = [next(filter(None, reversed(row[: start + 1])), "") for start in starts]  # cells may be merged
+    are_over = all({row[at] for at in body.place.values()} <= {row[body.place["x"]], ""} for body in head.bodies)
+    if are_over and len({*words}) > 1 and "" not in words and not any(map(is_number, words)):
+        are_numbered = len({*words}) == len(words) and all(body.name.isdecimal() for body in head.bodies)
+        for body, word in zip(head.bodies, words, strict=True):
+            body.name = word if are_numbered else f"{word}:{body.name}"
+        if are_numbered:
+            head.notices = [notice for notice in head.notices if notice != NUMBERED]
+            head.frames = (
+                head.frames
+                if head.counts is not None
+                else next((at for at, cell in enumerate(above) if is_frame(cell)), None)
+            )
+            head.clock = head.clock or clock_of(above)
+
+
+def _rate_of_step(value: str, unit: str) -> str:
+    """Return the frame rate as text, of a time from frame to frame such as 5 ms, or in the unit of its title."""
+    seconds = seconds_of(value if value[-1:].isalpha() else f"{value} {unit}")
+    return f"{1.0 / float(seconds):.10g}" if is_number(seconds) and float(seconds) > 0.0 else ""
 
 
 def _pass_further_titles(head: Head, every: list[list[str]]) -> None:
@@ -176,6 +225,9 @@ def _read_names(head: Head, every: list[list[str]]) -> None:
 def _read_rows(head: Head, every: list[list[str]]) -> None:
     """Find out whether rows of several take turns, and leave out flags that hold no 0 or 1."""
     rows = every[head.n_lines :]
+    cells = [row[column] for row in rows for body in head.bodies for column in body.place.values() if column < len(row)]
+    head.unit_in_cells = unit_behind(cells)
+    head.unit = head.unit_in_cells or head.unit
     for body in head.bodies:
         is_flag = body.flag is None or all(
             [*map(str.lower, row[body.flag : body.flag + 1])] in _FLAGS for row in rows[:1]
@@ -184,6 +236,25 @@ def _read_rows(head: Head, every: list[list[str]]) -> None:
     if head.frames is not None and not all(is_number(row[head.frames]) for row in rows[:1] if head.frames < len(row)):
         head.frames = None  # ROS has frame_id, of coordinates
     head.owners = _owners(head, every[head.n_lines - 1], rows)
+    if head.clock is None and head.frames is None:
+        taken = {column for body in head.bodies for column in body.every_column}
+        free = (at for at in range(head.n_cells) if at not in taken)
+        found = (at for at in free if _are_times([row[at] for row in rows if at < len(row)], first=at == 0))
+        if (column := next(found, None)) is not None:
+            head.clock = Clock(column, 0.0)
+            head.notices.append(f"column {column + 1} is taken as times, as its cells say; its title does not")
+
+
+def _are_times(cells: Sequence[str], *, first: bool) -> bool:
+    """Whether cells are dates or times of day; in the first column also numbers that rise evenly by a fraction."""
+    if len(cells) < _FEWEST or any(":" in cell for cell in cells):
+        return len(cells) >= _FEWEST and all(is_number(seconds_of(cell)) and not is_unseen(cell) for cell in cells)
+    with contextlib.suppress(ValueError):
+        times = [float(cell.replace(",", ".")) for cell in cells]
+        steps = [second - first for first, second in pairwise(times)]
+        is_even = 0.0 < max(steps) < _EVEN * min(steps)
+        return first and is_even and not all(step.is_integer() for step in steps)
+    return False
 
 
 def _owners(head: Head, titles: Sequence[str], rows: Sequence[Sequence[str]]) -> list[int]:

@@ -5,7 +5,6 @@ import math
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
 
 from skelgen.progress import counted
 from skelgen_formats.text import is_number, is_unseen, seconds_of, unquoted
@@ -90,8 +89,8 @@ def unquoted_rows(lines: Iterable[tuple[int, str]], delimiter: str | None, least
             yield number, unquoted(line, delimiter)
 
 
-def with_flags(numbered: Iterable[tuple[int, str]], head: Head) -> Iterator[tuple[int, str]]:
-    """Yield lines with 1 and 0 for true and false, if flags say which points are seen.
+def with_numbers(numbered: Iterable[tuple[int, str]], head: Head) -> Iterator[tuple[int, str]]:
+    """Yield lines with 1 and 0 for true and false, if flags say which points are seen, and without units in cells.
 
     Parameters
     ----------
@@ -101,8 +100,10 @@ def with_flags(numbered: Iterable[tuple[int, str]], head: Head) -> Iterator[tupl
         Of the table.
     """
     are_there = any(body.flag is not None for body in head.bodies)
+    unit = re.compile(rf"(?<=[\d.]) ?{head.unit_in_cells}\b") if head.unit_in_cells else None
     for number, line in numbered:
-        yield number, _FLAG.sub(lambda flag: f"{int(flag[0].lower() == 'true')}", line) if are_there else line
+        plain = unit.sub("", line) if unit else line
+        yield number, _FLAG.sub(lambda flag: f"{int(flag[0].lower() == 'true')}", plain) if are_there else plain
 
 
 def without_remarks(
@@ -164,8 +165,8 @@ def with_seconds(numbered: Iterable[tuple[int, str]], head: Head) -> Iterator[tu
         cells = line.split(head.delimiter) if clock and (is_first or not is_plain) else []
         if clock and len(cells) > max(clock.column, clock.fraction or 0):
             if is_first:
-                is_plain = clock.fraction is None and is_number(cells[clock.column].strip())
-                head.clock = clock if is_plain else replace(clock, second=1.0)
+                head.clock = clock.told_by(cells[clock.column])
+                is_plain = head.clock is clock
             cells[clock.column] = cells[clock.column] if is_plain else clock.moment(cells)
         is_first = False
         yield number, (head.delimiter or " ").join(cells) if cells else line

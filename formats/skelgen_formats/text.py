@@ -27,7 +27,9 @@ _NO_NUMBER = re.compile(r"-?(nan|1\.#(?:ind|qnan|snan)0*|nan\((?:ind|snan)\))") 
 _DECIMAL_COMMA = re.compile(r"\s*[-+]?(?:0,\d+|\d+,(?!\d{3}\s*$)\d+)(?:e[-+]?\d+)?\s*", re.IGNORECASE)
 _FORTRAN = re.compile(r"[-+]?[\d.]+D[-+]?\d+", re.IGNORECASE)
 _QUOTED = re.compile(r'"([^"]*)"')  # a cell in quotes, which may hold what parts cells
-_CLOCK = re.compile(r"(?:(\d+) days? |\S+[ T])?(\d{1,3}):(\d\d):(\d\d(?:[.,]\d+)?)(?: ?([AP])M)?", re.IGNORECASE)
+_CLOCK = re.compile(r"(?:(\d+) days? |\S+[ T])?(\d{1,3}):(\d\d):(\d\d(?:[.,]\d+|:\d{3})?)(?: ?([AP])M)?", re.IGNORECASE)
+_TIMECODE = re.compile(r"(\d\d:\d\d:\d\d)[:;.,](\d\d)(?:\.\d\d?)?")  # SMPTE, frames behind seconds
+_WITH_UNIT = re.compile(r"[-+]?[\d.,]+(?:e[-+]?\d+)? ?(mm|cm|m)", re.IGNORECASE)
 _LASTED = re.compile(r"(\d+(?:\.\d+)?(?:e-?\d+)?) ?(ms|s|sec|min)", re.IGNORECASE)
 _SECONDS = {"ms": 1e-3, "s": 1.0, "sec": 1.0, "min": 60.0}
 _THOUSANDS = re.compile(r"[-+]?\d{1,3}([.,' ]\d{3})+([.,]\d+)?")
@@ -82,10 +84,22 @@ def _with_decimals(text: str) -> str:
     return text.replace(",", ".") if _DECIMAL_COMMA.fullmatch(text) else text
 
 
+def is_timecode(text: str) -> bool:
+    """Whether a cell holds a timecode of films, such as 01:02:03:24, the last of which counts frames."""
+    return _TIMECODE.fullmatch(text.strip()) is not None and text.count(":") + text.count(";") > 2
+
+
+def unit_behind(cells: Iterable[str]) -> str:
+    """Return the unit of length that stands behind numbers in cells, such as 12.3 mm; empty if none or several do."""
+    units = {match[1] for match in map(_WITH_UNIT.fullmatch, cells) if match}
+    return units.pop() if len(units) == 1 else ""
+
+
 def seconds_of(text: str) -> str:
     """Return the seconds that a date, a time or a duration stands for, such as 2024-05-06T12:00:01.5 or 0.5 sec.
 
-    Dates in other orders count by the time behind them; other texts are returned as they are.
+    Dates in other orders count by the time behind them; other texts are returned as they are. Of timecodes, hundredths
+    of seconds are frames.
 
     Parameters
     ----------
@@ -99,12 +113,13 @@ def seconds_of(text: str) -> str:
     with contextlib.suppress(ValueError, TypeError, OverflowError):
         moment = datetime.fromisoformat(text.strip())
         return repr((moment.replace(tzinfo=UTC) - datetime(moment.year, 1, 1, tzinfo=UTC)).total_seconds())
+    text = _TIMECODE.sub(r"\1.\2", text) if is_timecode(text) else text
     clock = _CLOCK.fullmatch(text.strip())
     if clock is None:
         return text
     days, hours, half = int(clock[1] or 0), int(clock[2]), clock[5]
     hours = hours % 12 + 12 * (half.upper() == "P") if half else hours
-    return repr(60.0 * (60 * (24 * days + hours) + int(clock[3])) + float(clock[4].replace(",", ".")))
+    return repr(60.0 * (60 * (24 * days + hours) + int(clock[3])) + float(clock[4].replace(",", ".").replace(":", ".")))
 
 
 def defused(text: str) -> str:

@@ -12,7 +12,7 @@ times tell them; where nothing tells them, the rows of a name follow each other.
 from array import array
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +24,7 @@ from skelgen.progress import counted
 from skelgen_formats.lines import Lines, decoded_head, read_lines
 from skelgen_formats.options import ANGLE_ORDER, AUTO, POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
 from skelgen_formats.row_owners import spread
-from skelgen_formats.table_rows import FOLLOWING, notice_skipped, without_remarks
+from skelgen_formats.table_rows import FOLLOWING, notice_skipped, with_numbers, without_remarks
 from skelgen_formats.text import is_number, number_or_nan, seconds_of, unquoted
 from skelgen_formats.tidy_heads import AXIS_IN_NAME, TidyHead, find_tidy_head
 from skelgen_formats.time_stamps import since_first
@@ -100,7 +100,7 @@ def read_tidy(path: Path, lines: Lines, options: Options) -> Trajectories | Poin
     shape = (len(every), n_names * _n_points_of_name(head))
     numbers = spread(path, cells, np.stack([places, points], axis=1), shape)
     times = np.array([rows.times[frame] for frame in every.tolist() if frame in rows.times])  # of the first trial
-    stamps = since_first(times, head.clock.second) if len(times) and head.clock else None
+    stamps = since_first(times, head.clock.second, head.clock.counts_frames) if len(times) and head.clock else None
     bodies = [f"body {number + 1}" if number else "body" for number in range(n_names)]
     names = bodies if width > len(AXES) and "name" not in at else _distinct([*rows.names])
     numbers = numbers.reshape(len(every), n_names, width * _n_points_of_name(head))
@@ -132,8 +132,7 @@ def _rows(path: Path, lines: Lines, head: TidyHead) -> _Rows:
         if clock and not rows.frames:
             if head.frames is not None and not is_number(cells[head.frames].strip()):
                 head.frames = None  # names of images
-            if not is_number(cells[clock.column].strip()):
-                head.clock = replace(clock, second=1.0)
+            head.clock = clock.told_by(cells[clock.column])
         along = AXES.find(cells[at["axis"]].strip().lower()[-1:] or " ") if "value" in at else 0
         if "value" in at and at["axis"] == at["name"]:
             cells[at["name"]] = AXIS_IN_NAME.sub("", cells[at["name"]].strip())
@@ -164,7 +163,7 @@ def _cells(path: Path, lines: Lines, head: TidyHead, notices: list[str]) -> Iter
     """Yield the cells of each row, and its number; all that are wanted are there."""
     n_cells = max(*head.at.values(), *head.columns, head.frames or 0) + 1
     plain = ((number, unquoted(line, head.delimiter)) for number, line in lines.numbered(head.n_lines))
-    for number, line in without_remarks(plain, head.delimiter, head.counts, notices):
+    for number, line in without_remarks(with_numbers(plain, head), head.delimiter, head.counts, notices):
         cells = line.split(head.delimiter)
         further = len(head.titles) if head.delimiter else len(cells)
         if len(cells) < n_cells or any(map(str.strip, cells[further:])) or further < len(head.titles):

@@ -11,10 +11,11 @@ from itertools import groupby
 
 from skelgen_formats.body_columns import Body
 from skelgen_formats.clock_titles import clock_of, is_frame
+from skelgen_formats.spelling import spelt
 from skelgen_formats.table_heads import CAMEL, DELIMITERS, with_row_names
-from skelgen_formats.text import is_number, unquoted, words_of
+from skelgen_formats.text import is_number, unit_behind, unquoted, words_of
 from skelgen_formats.title_lines import Head
-from skelgen_formats.titles import bodies_of, nameless_body, spelt
+from skelgen_formats.titles import bodies_of, nameless_body
 from skelgen_formats.turn_titles import AXES
 
 _ENDS = (
@@ -30,6 +31,7 @@ _FRAME_OF_ROS = "frame_id"  # a name, not a number
 _NUMBERED = 4  # lines of titles and rows that tell whether these begin with their number
 _FEWEST_TITLES = 3  # frame, name and value
 _LOOKED_AT = 1024  # rows that tell whether numbers are names of points
+_MOST_OTHERS = 24  # columns that are looked through for names
 
 
 @dataclass
@@ -98,6 +100,18 @@ def _head_of(titles: Sequence[str], cells_of: Callable[[int], list[str]]) -> Tid
     if not clock and not frames and not _tells_frames(cells_of(at["name"]) if "name" in at else [], body):
         return None
     at |= {"time": max(clock.column, clock.fraction or 0)} if clock else {}
+    moments = [*frames, *([clock.column] if clock else [])]
+    if "name" not in at and body.is_placed and moments:
+        others = {*range(len(titles))} - body.every_column - {*at.values(), *frames} | {
+            *found.get("group", []),
+            *found.get("side", []),
+        }
+        cells_in = cells_of(moments[0])
+        at |= zip(
+            ["name"],
+            (one for one in sorted(others)[:_MOST_OTHERS] if _are_names(cells_of(one), cells_in)),
+            strict=False,
+        )
     values = [column for column, title in enumerate(titles) if _VALUE.fullmatch(title) and column != at.get("axis")]
     if values and "name" in at and AXIS_IN_NAME.search("".join(cells_of(at["name"])[:1])):
         at.setdefault("axis", at["name"])  # knee_x, as pandas melts tables
@@ -112,7 +126,19 @@ def _head_of(titles: Sequence[str], cells_of: Callable[[int], list[str]]) -> Tid
         body.place, body.unit = every[0].place, every[0].unit
     is_tidy = body.is_placed and ("name" in at or not every) and titles.count(titles[body.place["x"]]) == 1
     head = TidyHead([body], frames=next(iter(frames), None), clock=clock, unit=body.unit, titles=titles, at=at)
+    numbers = [cell for column in (*body.place.values(), *values) for cell in cells_of(column)]
+    head.unit_in_cells = unit_behind(numbers)
+    head.unit = head.unit_in_cells or head.unit
     return head if is_by_axis or is_tidy else None
+
+
+def _are_names(cells: Sequence[str], moments: Sequence[str]) -> bool:
+    """Whether cells are words or numbers of points: each once in a frame, and the same in the first and the next."""
+    if len(cells) != len(moments) or len({*zip(moments, cells, strict=True)}) < len(cells):
+        return False
+    two = [*dict.fromkeys(moments), "", ""][:2]
+    first, second = ({cell for cell, one in zip(cells, moments, strict=True) if one == moment} for moment in two)
+    return len(first) > 1 and first == second and all(cell.isdecimal() or not is_number(cell) for cell in first)
 
 
 def _tells_frames(names: Sequence[str], body: Body) -> bool:

@@ -10,7 +10,8 @@ from skelgen.model.rates import rate_of
 
 _SLOWEST, _FASTEST = 1.0, 1e5  # Hz, of times in seconds
 _SLOW, _FAST = 5.0, 2000.0  # Hz, of cameras: times of which no title names the unit
-_OTHER_UNITS = {"ms": 1e-3, "µs": 1e-6, "ns": 1e-9, "ticks of 100 ns": 1e-7}  # s
+_OTHER_UNITS = {"ms": 1e-3, "µs": 1e-6, "ns": 1e-9, "days": 86400.0, "ticks of 100 ns": 1e-7}  # s
+_FRAMES = 100  # to which timecodes count within a second, at most
 _EPOCH, _LONGEST = (1e9, 4e9), 2.0  # s since 1970, of clocks between 2001 and 2096, and of the steps of such times
 _SINCE_1, _SINCE_1601 = 62135596800.0, 11644473600.0  # s until 1970, from where .NET and Windows count ticks
 _FEW_BACK = 0.05  # of the steps between times, that may go back
@@ -43,7 +44,8 @@ class Stamps:
         if self.are_seconds or _SLOWEST < rate < _FASTEST:
             return rate
         for unit, seconds in _OTHER_UNITS.items():
-            rate = rate_of(times * seconds)
+            with np.errstate(over="ignore", invalid="ignore"):  # of infinite ones
+                rate = rate_of(times * seconds)
             if _SLOW <= rate <= _FAST and np.median(steps) != 1.0:  # else they count frames
                 taken = f"the times are taken as {unit}, which makes {rate:g} Hz"
                 notices.append(f"{taken}; `--recorded-rate` states another")
@@ -51,7 +53,7 @@ class Stamps:
         return AS_RECORDED_RATE
 
 
-def since_first(times: Floats, second: float) -> Stamps:
+def since_first(times: Floats, second: float, counts_frames: bool = False) -> Stamps:
     """Return times since the first one.
 
     Parameters
@@ -61,7 +63,11 @@ def since_first(times: Floats, second: float) -> Stamps:
         or 1601, they are in that unit, unless it makes their steps long.
     second : float
         Seconds per unit; 0 if unknown.
+    counts_frames : bool
+        Whether hundredths of seconds are frames, of which the last within a second tells how many it has.
     """
+    if counts_frames:
+        return _of_timecodes(times)
     with np.errstate(invalid="ignore", over="ignore"):  # of infinite ones, which state no rate
         first, ticks = times[:1].sum(), [*_OTHER_UNITS.values()][-1]
         clocks = [(one, 0.0) for one in (1.0, *_OTHER_UNITS.values())] + [(ticks, _SINCE_1), (ticks, _SINCE_1601)]
@@ -69,3 +75,14 @@ def since_first(times: Floats, second: float) -> Stamps:
         since_1970 = (one for one in near if (np.nanmax(times) - first) * one < _LONGEST * len(times))
         unit = second or next(since_1970, 0.0)
         return Stamps((times - times[:1]) * (unit or 1.0), unit > 0.0)
+
+
+def _of_timecodes(times: Floats) -> Stamps:
+    """Return when frames were that have timecodes: those of a second follow each other evenly, in the whole ones."""
+    seconds, counts = np.unique(np.floor(times[np.isfinite(times)]), return_counts=True)
+    whole = counts[1:-1]  # it may begin and end within one
+    if len(whole):
+        return Stamps(np.arange(len(times)) / np.median(whole), are_seconds=True)
+    part = np.rint((times - np.floor(times)) * _FRAMES)
+    per_second = np.nanmax(part, initial=0) + 1.0 if len(seconds) > 1 else np.nan  # the last one is there
+    return Stamps((times - times[:1]) + (part - part[:1]) * (1.0 / per_second - 1.0 / _FRAMES), are_seconds=True)

@@ -12,8 +12,9 @@ from dataclasses import dataclass, field
 from skelgen_formats.body_columns import Body
 from skelgen_formats.clock_titles import Clock, clock_of, is_frame
 from skelgen_formats.options import MM_PER_UNIT
+from skelgen_formats.spelling import spelt, with_letters
 from skelgen_formats.text import is_number, without_trailing_empty
-from skelgen_formats.titles import axis_alone, bodies_of, not_taken, spelt, undoubled, with_axes
+from skelgen_formats.titles import axis_alone, bodies_of, not_taken, undoubled, with_axes
 from skelgen_formats.turn_titles import AXES, angle_alone, component_alone, numbered_quaternions
 
 _FEWEST = 2  # points of a table that no word says what it is
@@ -45,6 +46,8 @@ class Head:
         Columns with times.
     unit, rate : str
         Unit of length and frame rate as stated, empty if they are not.
+    unit_in_cells : str
+        The unit that stands behind each number, if one does.
     n_cells, n_lines : int
         Cells of a row, and lines above the first.
     titles : sequence of str
@@ -61,6 +64,7 @@ class Head:
     clock: Clock | None = None
     unit: str = ""
     rate: str = ""
+    unit_in_cells: str = ""
     n_cells: int = 0
     n_lines: int = 1
     titles: Sequence[str] = ()
@@ -87,7 +91,9 @@ def in_one_line(rows: Sequence[Sequence[str]]) -> Head | None:
         return None
     unit = next((body.unit for body in bodies if body.unit), "")
     found = Head(bodies, n_cells=len(titles), titles=titles, unit=unit)
-    _find_times(found, titles)
+    _find_times(found, spelt(titles))
+    if with_letters(titles) != titles:
+        found.notices.append("directions in words, such as AP or forward, are taken as x, y and z")
     if undoubled(spelt(titles)) != spelt(titles):
         found.notices.append(NUMBERED)
     found.notices += not_taken(titles, bodies)
@@ -143,9 +149,12 @@ def under_names(rows: list[list[str]]) -> Head | None:
     """Names over the first of three columns X, Y, Z, or over each; frame and time may stand before."""
     if len(rows) < 3:
         return None
+    upper, lower = ({*filter(None, row)} for row in rows[:2])
+    if len(upper) == len(AXES) and all(map(axis_alone, upper)) and not any(map(is_number, lower)) and len(lower) > 1:
+        rows = [rows[1], rows[0], *rows[2:]]  # pandas may write the level of axes first
     units = {word.lower() for word in rows[1] if word} - {"s"}
     has_units = len(units) == 1 and units <= {*MM_PER_UNIT}  # between names and axes, as Mokka has them
-    axes = without_trailing_empty(rows[1 + has_units])
+    axes = [axis.strip("-.:") for axis in spelt(without_trailing_empty(rows[1 + has_units]))]
     names = [*rows[0], *[""] * len(axes)][: len(axes)]
     if sum(axis_alone(axis) is not None for axis in axes) < _FEWEST * len(AXES):
         return None
@@ -164,7 +173,9 @@ def under_names(rows: list[list[str]]) -> Head | None:
         return None
     unit = units.pop() if has_units else bodies[0].unit
     found = Head(bodies, n_cells=len(axes), n_lines=2 + has_units, unit=unit)
-    _find_times(found, [axis if clock_of([axis]) else name for name, axis in zip(names, axes, strict=True)])
+    _find_times(
+        found, [axis if clock_of([axis]) or is_frame(axis) else name for name, axis in zip(names, axes, strict=True)]
+    )
     return found
 
 

@@ -17,6 +17,7 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
 from skelgen_formats.body_columns import Body
+from skelgen_formats.spelling import LENGTH, OF_VERSION, PLACE_WORD, spelt
 from skelgen_formats.text import is_number, is_unseen
 from skelgen_formats.turn_titles import (
     AXES,
@@ -29,52 +30,27 @@ from skelgen_formats.turn_titles import (
     quaternion_of,
 )
 
-_LENGTH = r"(?:mm|cm|m|(?:milli|centi)?met(?:er|re)s?|inch(?:es)?|ft|feet|(?<=[\[(])in)"
-_UNIT = re.compile(rf"(.*?[xyz123][\])]?)(?: ?/ ?|[ _-]{{0,2}}[\[(]?)({_LENGTH})[\])]?", re.IGNORECASE)
-_PLACE_WORD = (
-    rf"(?:(?:local|global|world){BETWEEN}?)?"
-    rf"(?:posi?|position|trans|translation|loc|location|coord|coords|coordinate){BETWEEN}?"
-)
+_UNIT = re.compile(rf"(.*?[xyz123][\])]?)(?: ?/ ?|[ _]in[ _]|[ _.,:-]{{0,2}}[\[(]?)({LENGTH})[\])]?", re.IGNORECASE)
 _AXIS_LAST = re.compile(rf"(.{{1,200}}?){BETWEEN}{{0,2}}[\[(]?([xyz])[\])]?", re.IGNORECASE)
 _TRANSLATED = re.compile(rf"(.{{1,200}}?){BETWEEN}[tp]([xyz])", re.IGNORECASE)
 _AXIS_FIRST = re.compile(rf"([xyz]){BETWEEN}?(.{{1,200}}?)(?: ?/ ?(mm|cm|m)| ?[\[(](mm|cm|m)[\])])?", re.IGNORECASE)
 _AXIS_AND_NUMBER = re.compile(rf"(?:(.{{1,200}}?){BETWEEN})??([xyz])_?(\d{{1,4}})", re.IGNORECASE)
-_NUMBERED = re.compile(r"(.{1,200}?)(?:[_ .]([0-4])|\[([0-3])\]|\(([1-4])\))")
+_NUMBERED = re.compile(r"(.{1,200}?)(?:[_ .](?:dim|axis|coord|xyz|pos)?([0-4])|\[([0-3])\]|\(([1-4])\))")
 _MANY = re.compile(r"(.{1,200}?)(?:[_ .]|(?=[\[(]))[\[(]?(\d{1,3})[\])]?")
 _FOURTH = re.compile(rf"(.{{1,200}}?)(?:{BETWEEN}|(?=[\[(]))[\[(]?([w34])[\])]?", re.IGNORECASE)
-_ALONE = re.compile(rf"(?:{_PLACE_WORD})?([xyz])", re.IGNORECASE)
+_ALONE = re.compile(rf"(?:{PLACE_WORD})?([xyz])", re.IGNORECASE)
 _TRANSLATED_ALONE = re.compile(r"[tp]([xyz])", re.IGNORECASE)
-_NAMED_PLACE = re.compile(rf"(.{{1,200}}?)(?:{BETWEEN}(?i:{_PLACE_WORD})|(?:Pos|Positions?|Translation){BETWEEN}?)")
+_NAMED_PLACE = re.compile(rf"(.{{1,200}}?)(?:{BETWEEN}(?i:{PLACE_WORD})|(?:Pos|Positions?|Translation){BETWEEN}?)")
 _FLAG = re.compile(
     rf"(.{{1,200}}?){BETWEEN}(?:v|(?:is_?)?(?:valid|visible|tracked|seen|(occluded|hidden|lost))"
     r"|(conf|confidence|likelihood|score))",
     re.IGNORECASE,
 )
 _IS_ANGLE = re.compile(r".*(?:euler|rotvec|rot|rotation|ori|orientation)[ _.:-]?[xyz]", re.IGNORECASE)
-_AXIS_WORD = "axis|coord(?:inate)?|koordinate|achse|座標|坐标|좌표"
-_VERSION = r"3d|filt\w*|smooth\w*|interp\w*|raw"
-_OF_VERSION = re.compile(rf"(.+{BETWEEN}[xyz]){BETWEEN}(?:{_VERSION})", re.IGNORECASE)
-_NO_NAME = rf"(?:{_LENGTH}|std\w*|err\w*|{_VERSION})"
-_SPELT = (
-    # p_RS_R_x [m], q_RS_w [] of EuRoC
-    (re.compile(r"([pq])(?:_[A-Z]{1,3}){1,3}_([wxyz](?: \[m\])?)(?: \[\])?"), r"\1_\2"),
-    (re.compile(r"\('?(.{1,200}?)'?[, ]{1,3}'(.{1,20})'\)"), r"\1_\2"),  # ('knee', 'x') of pandas
-    (re.compile(rf"{_PLACE_WORD}([xyz]){BETWEEN}(?!{_NO_NAME}$)(\w.{{0,200}})", re.IGNORECASE), r"\2_\1"),  # Pos_X_knee
-    (re.compile(rf"(.*?(?<![a-z])[xyz])[-_ ]?(?:{_AXIS_WORD})(\W.*)?", re.IGNORECASE), r"\1\2"),
-    (_OF_VERSION, r"\1"),
-    (re.compile(rf"(.+{BETWEEN})([xyz]){BETWEEN}(l|r|left|right)", re.IGNORECASE), r"\1\3_\2"),  # knee_x_L
-    (re.compile(r"(.+?) ?\[[#-]?\]"), r"\1"),  # Sensor 1 Q0 []
-    (re.compile(rf"(.+{BETWEEN}[xyz]) ?\((?:ap|ml|v|si|is|pd|lat|vert|up)\)", re.IGNORECASE), r"\1"),  # knee_X(AP)
-    (re.compile(rf"(.+?) ?[\[(]({_LENGTH})[\])]({BETWEEN}[xyz])", re.IGNORECASE), r"\1\3 [\2]"),  # knee_pos[m]_x
-    (re.compile(rf"([xyz]) ?[\[(]({_LENGTH})[\])]{BETWEEN}(.+)", re.IGNORECASE), r"\3_\1 [\2]"),  # X [mm] knee
-    (re.compile(r"([tp][xyz])_([a-z]\w{1,200})", re.IGNORECASE), r"\2_\1"),  # tx_left_wrist_device of Aria
-    (re.compile(r"([xyz]) of (.+)", re.IGNORECASE), r"\2_\1"),
-    (re.compile(rf"([wxyz]){BETWEEN}(position|rotation|orientation)(\W.*)?", re.IGNORECASE), r"\2_\1\3"),
-)
-"""What stands around an axis in other spellings, and how such titles are read."""
-
+_BRACKETED = re.compile(r"^[\[(]([^\[\]()]+)[\])]$")
 _SENSED = re.compile(r"[agmwfv][xyz]", re.IGNORECASE)  # of inertial sensors and force plates: ax, gy, Fz
 _BESIDE = re.compile(rf"(.{{1,200}}?){BETWEEN}[vaws][xyz]", re.IGNORECASE)  # velocities and the like of a point
+_DERIVED = re.compile(rf"(.{{1,200}}?{BETWEEN})[vaw]", re.IGNORECASE)  # knee-V beside knee-X
 _PLATE = re.compile(rf"(.{{1,200}}?){BETWEEN}([FM])[xyzXYZ]")  # force and moment of a plate
 _FEWEST = 2  # points of a table whose columns are numbered
 _ANGLES = re.compile(rf"(?:(.*){BETWEEN})?r", re.IGNORECASE)  # Rx, Ry, Rz, knee_rx
@@ -102,24 +78,6 @@ def bodies_of(titles: Sequence[str]) -> list[Body]:
     longer = {match[1] for match in map(_MANY.fullmatch, titles) if match and int(match[2]) > first + len(AXES)}
     bodies = [body for body in bodies if body.name not in longer]
     return _with_fourths(bodies, titles, str(first + len(AXES))) if len(bodies) >= _FEWEST else []
-
-
-def spelt(titles: Sequence[str]) -> list[str]:
-    """Return titles in the usual spelling, but those that there are in it already: knee_x_raw beside knee_x.
-
-    Parameters
-    ----------
-    titles : sequence of str
-        Of the columns, without quotes.
-    """
-    plain, lower = [], [*map(str.lower, titles)]
-    for title in map(str.strip, titles):
-        other = next((match.expand(usual) for one, usual in _SPELT if (match := one.fullmatch(title))), title)
-        is_second = other != title and other in plain and titles.count(title) == 1
-        # or a torque, tx_plate beside fx_plate
-        beside = is_second or other in titles or f"f{title[1:]}".lower() in lower
-        plain.append(title if beside else other)
-    return plain
 
 
 def with_axes(titles: Sequence[str]) -> list[str]:
@@ -208,7 +166,7 @@ def not_taken(titles: Sequence[str], bodies: Sequence[Body]) -> list[str]:
         From `bodies_of`.
     """
     taken = {column for body in bodies for column in body.every_column}
-    second = [title for title in spelt(titles) if _OF_VERSION.fullmatch(title)]
+    second = [title for title in spelt(titles) if OF_VERSION.fullmatch(title)]
     titles = undoubled(spelt(titles))
     every = [body for parsed in (_axis_last, _axis_first, _axis_and_number) for body in _gathered(titles, parsed)]
     others = [body for body in every if body.name and not body.every_column & taken]
@@ -268,6 +226,7 @@ def _gathered(titles: Sequence[str], parsed: _Parsed) -> list[Body]:
     latest: dict[str, Body] = {}
     for column, title in enumerate(titles):
         what, (name, key, unit) = _column_of(title, parsed)
+        name = _BRACKETED.sub(r"\1", name.strip(" =;,~\\'\""))
         if not what:
             continue
         body = latest.get(name.lower())
@@ -300,6 +259,8 @@ def _beside_points(bodies: Sequence[Body], titles: Sequence[str]) -> list[Body]:
     plates = [(body, match) for body in placed if (match := _PLATE.fullmatch(titles[body.place["x"]].strip()))]
     kinds = {(match[1], match[2]) for _, match in plates}
     beside = [body for body, match in rates if match and match[1].lower() in names]
+    derived = [(body, _DERIVED.fullmatch(body.name.lower())) for body in placed]
+    beside += [body for body, match in derived if match and match[1] + "x" in names]
     return beside + [body for body, match in plates if {(match[1], "F"), (match[1], "M")} <= kinds]
 
 

@@ -88,6 +88,7 @@ _BY_AXIS = re.compile(r"(.{1,200})[ _.:-]([xyzXYZ])")
 _APART = re.compile(r" {2,}")  # what a script put between two names instead of tabs
 _DOUBLED, _BLANKS = re.compile(r"\t[\t ]*"), re.compile(r"(?<=\d) +(?=\d)")
 _MOST_TIMES, _FEW_CELLS = 16, 1 << 20  # what rows may be padded to, in their own length; cells that any file may have
+_TIME_OF_DAY = re.compile(r"^(\d+\D?)[\d:;.]*:[\d:;.]*")  # or a timecode, which the frame rate tells, too
 _LAST_UNSEEN = " "  # OpenSim drops cells at the end of a line that hold nothing at all, and misses them
 _TIMES_READ, _FEWEST_TIMES = 100, 3
 _RATE_TOLERANCE = 0.05  # of the rate: times that are printed with two decimals make it by less
@@ -268,7 +269,9 @@ def _rows(lines: Lines, start: int, table: _Table) -> Iterator[tuple[int, str]]:
         cells = line.removeprefix(table.delimiter) if table.indented else line
         cells = _BLANKS.sub(table.delimiter, cells, count=1) if table.blank else cells
         cells = _DOUBLED.sub(table.delimiter, cells) if table.doubled else cells
-        cells = " ".join(cells.split()) if table.delimiter == " " else cells
+        if table.delimiter == " " or table.delimiter not in cells:
+            cells = table.delimiter.join(cells.split())
+        cells = _TIME_OF_DAY.sub(r"\1", cells, count=1) if ":" in cells else cells
         missing = table.n_cells - 1 - cells.count(table.delimiter) if table.padded else 0
         yield number, cells + table.delimiter * missing
 

@@ -10,10 +10,12 @@ AXES = "xyz"
 COMPONENTS = "wxyz"
 """Of a unit quaternion, scalar first."""
 
-BETWEEN = r"[ _.:/|-]"
+BETWEEN = r"[ _.:/|>-]"
 """What stands between the name of a point and its axis, in a regular expression."""
 
-_TURN_WORD = rf"(?:(?:(?:quat|quaternion)(?:_wxyz|_xyzw)?|rot|rotation|ori|orientation){BETWEEN}?){{1,2}}"
+_TURN_WORD = (
+    rf"(?:(?:(?:quat|quaternion)(?:_wxyz|_xyzw)?|rot|rotation|ori|orient|orientation|att|attitude){BETWEEN}?){{1,2}}"
+)
 _QUATERNION = re.compile(
     rf"(?:(.{{1,200}}?){BETWEEN})??(?:q{BETWEEN}?([wxyz0-3])|{_TURN_WORD}q?([wxyz0]))", re.IGNORECASE
 )

@@ -46,7 +46,7 @@ from skelgen_formats.table_rows import (
     padded_rows,
     unquoted_rows,
     until_other_table,
-    with_flags,
+    with_numbers,
     with_seconds,
     without_remarks,
 )
@@ -141,7 +141,7 @@ def _numbers_of(
     # without times, a row of empty cells is a frame in which nothing is seen
     least = 0 if times or not head.delimiter else head.n_cells - 1
     numbers = unquoted_rows(until_other_table(lines.rows(first, least=least), head), head.delimiter, least)
-    numbers = without_remarks(with_flags(numbers, head), head.delimiter, head.counts, head.notices)
+    numbers = without_remarks(with_numbers(numbers, head), head.delimiter, head.counts, head.notices)
     whole = padded_rows(numbers, len(lines), head.n_cells, head.delimiter, head.notices)
     if head.owners:
         whole = turns.noted(whole, head)
@@ -156,7 +156,7 @@ def _numbers_of(
         some = with_seconds(padded_rows(few, len(lines), head.n_cells, head.delimiter, []), head)
         stamps = parse_rows(path, some, head.n_cells, head.delimiter, times)[:, 0]
         head.notices.append(f"the frame rate is that of the first {len(stamps)} time stamps")
-    return rows[:, :-1], since_first(stamps, head.clock.second)
+    return rows[:, :-1], since_first(stamps, head.clock.second, head.clock.counts_frames)
 
 
 def _seen(rows: Floats, chosen: Sequence[Body], notices: list[str]) -> Floats:

@@ -25,11 +25,11 @@ def read_root(path: Path, root_name: str, file_name: str, largest: int) -> Any:
     path : Path
         The file.
     root_name : str
-        Name that the root element must have.
+        Name that the root element must have; any if empty.
     file_name : str
         What such a file is called in errors, e.g. ``config.xml``.
     largest : int
-        Bytes that no such file exceeds.
+        Bytes that no such file exceeds; -1 if it may have any number.
 
     Raises
     ------
@@ -39,8 +39,8 @@ def read_root(path: Path, root_name: str, file_name: str, largest: int) -> Any:
     from lxml import etree  # noqa: PLC0415 - costs 50 ms, and most runs read no such file
 
     parser = etree.XMLParser(remove_comments=True, remove_pis=True, **SAFE_XML)
-    content = read_content(path, largest + 1)
-    if len(content) > largest:
+    content = read_content(path, largest + 1 or -1)
+    if 0 <= largest < len(content):
         raise FormatError(path, "", f"the file is larger than {largest} bytes; no {file_name} is")
     try:
         root = etree.fromstring(content, parser)
@@ -48,7 +48,7 @@ def read_root(path: Path, root_name: str, file_name: str, largest: int) -> Any:
         raise FormatError(path, error.lineno or "", f"broken XML: {error.msg}") from error
     if root.getroottree().docinfo.internalDTD is not None:
         raise FormatError(path, 1, f"a document type is declared; {file_name} has none")
-    if root.tag != root_name:
+    if root_name and root.tag != root_name:
         raise FormatError(path, root.sourceline or 1, f"the root element is <{root.tag}> where <{root_name}> belongs")
     return root
 

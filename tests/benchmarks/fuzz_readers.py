@@ -111,10 +111,21 @@ _TEXTS = (
     "dtrack",
     "tracking-tools",
     "untitled-poses",
+    "named-rows",
+    "untitled-points",
+    "xml",
     "json",
     "bids-motion",
 )
 _IMAGES = ("png", "jpg", "bmp", "pgm", "tiff")
+
+
+def _swinging(frame: int) -> np.ndarray:
+    """Return six points, shape (6, 3): three that swing far, and three on another body that goes."""
+    angle = frame / 6
+    arm = [[np.cos(angle) * r, r / 3, np.sin(angle) * r] for r in (300.0, 500.0, 640.0)]
+    return np.array([*arm, *([70.0 * frame + x, 900.0 - x, 20.0 * x] for x in (0.0, 40.0, 95.0))])
+
 
 MORE_SEEDS = {
     "json": ("records.json", "parts.json"),
@@ -139,6 +150,8 @@ MORE_SEEDS = {
     ),
     "wide-parquet": ("tidy.parquet",),
     "untitled-poses": ("kitti.txt", "hand.traj"),
+    "xml": ("attributes.xml",),
+    "named-rows": ("pairs.log", "names.csv", "blocks.csv"),
     "vector-csv": ("vectors.sto", "turns.csv", "lists.csv", "unreal.csv"),
 }
 """Further sound files of a format."""
@@ -355,6 +368,19 @@ _TEXT_SEEDS = {
     "0.0\t1.5,2.5,3.5\t4.5,5.5,6.5\n0.02\t1.6,2.6,3.6\tnan,nan,nan\n",
     "wide-csv.csv": "t,nose_x,nose_y,nose_z,tail_x,tail_y,tail_z\n0.0,1.5,2.5,3.5,4.5,5.5,6.5\n0.02,1.6,2.6,3.6,,,\n",
     "untitled-poses.tum": "# ground truth\n1305031098.66 1.5 2.5 3.5 0 0 0 1\n1305031098.68 1.6 2.6 3.6 0 0 0.6 0.8\n",
+    "named-rows.xyz": "".join(f"2\nframe {frame} t={frame / 50}\na 1.5 2 {frame}.5\nb 4 5 6\n" for frame in range(4)),
+    "xml.mmm.xml": "<M rate='50'><S type='a'><D t='0'>1</D></S><S type='b'>"
+    + "".join(f"<D t='{n / 50}'><P name='a'>1 2 {n}</P><P name='b'>4 5 6</P></D>" for n in range(4))
+    + "</S></M>",
+    "attributes.xml": "<?xml version='1.0'?><m fps='50'>"
+    + "".join(f"<f n='{n}'><a x='1' y='2' z='{n}'/><b x='4' y='5' z='6'/></f>" for n in range(4))
+    + "</m>",
+    "untitled-points.points.txt": "".join(
+        " ".join(f"{x:.3f}" for x in [n / 50, *_swinging(n).ravel()]) + "\n" for n in range(N_FRAMES)
+    ),
+    "pairs.log": "".join(f"t={frame / 50} a_x=1 a_y=2 a_z={frame} b_x=3 b_y=4 b_z=5\n" for frame in range(4)),
+    "blocks.csv": "".join(f"{name}\nframe,x,y,z\n0,1,2,3\n1,1.5,2,3\n\n" for name in "ab"),
+    "names.csv": "".join(f"{frame / 50},a,1,2,{frame},b,4,5,6\n" for frame in range(4)),
     "kitti.txt": "1 0 0 0 0 1 0 0 0 0 1 0\n0.6 0 0.8 0.1 0 1 0 0 -0.8 0 0.6 0.2\n",
     "segments.csv": "FrameNumber,SubjectName,SegmentName,TX,TY,TZ,Occluded\n"
     + "".join(f"{frame},Ann,{name},{frame}.5,2,3,False\n" for frame in range(3) for name in "ab"),

@@ -59,3 +59,38 @@ def test_times_since_1970_tell_their_unit_by_their_size(put, unit):
 def test_titles_of_times_and_frames_may_be_in_other_languages(put, titles):
     rows = "".join(f"{frame},{frame / 50},1,2,3,4,5,6\n" for frame in range(3))
     assert read_take(put("times.csv", f"{titles},{POINTS}\n{rows}")).rate == pytest.approx(50.0)
+
+
+@pytest.mark.parametrize(
+    ("title", "unit"),
+    [("HostTimeNs", 1e9), ("msec", 1e3), ("Time (min)", 1 / 60), ("epoch_ms", 1e3), ("Time Stamp (100ns)", 1e7)],
+)
+def test_units_of_times_may_be_written_in_many_ways(put, title, unit):
+    rows = "".join(f"{(100 + frame / 50) * unit:.9f},1,2,3,4,5,6\n" for frame in range(5))
+    assert read_take(put("times.csv", f"{title},{POINTS}\n{rows}")).rate == pytest.approx(50.0)
+
+
+@pytest.mark.parametrize("title", ["Header", "", "Unnamed: 0", "index"])
+def test_first_column_that_rises_evenly_by_a_fraction_is_taken_as_times(put, title):
+    rows = "".join(f"{frame / 200:.3f},1,2,3,4,5,6\n" for frame in range(5))
+    take = read_take(put("first.csv", f"{title},{POINTS}\n{rows}"))
+    assert take.rate == pytest.approx(200.0)
+    assert any("column 1 is taken as times" in notice for notice in take.notices)
+
+
+def test_dates_and_times_of_day_need_no_title_of_times(put):
+    rows = "".join(f"1,2,3,4,5,6,2023-05-12T10:41:03.{20 * frame:03}+02:00\n" for frame in range(5))
+    assert read_take(put("iso.csv", f"{POINTS},Aufnahme\n{rows}")).rate == pytest.approx(50.0)
+
+
+def test_numbers_of_days_as_matlab_writes_dates_tell_the_rate(put):
+    rows = "".join(f"{738000 + frame / 50 / 86400:.10f},1,2,3,4,5,6\n" for frame in range(5))
+    assert read_take(put("days.csv", f"datenum,{POINTS}\n{rows}")).rate == pytest.approx(50.0, rel=1e-3)
+
+
+@pytest.mark.parametrize("per_second", [25, 30])
+@pytest.mark.parametrize("repeated", [1, 4])
+def test_timecodes_of_films_tell_the_rate(put, per_second, repeated):
+    codes = [f"01:02:{n // per_second:02}:{n % per_second:02}" for n in range(3 * per_second) for _ in range(repeated)]
+    rows = "".join(f"{code},1,2,3,4,5,6\n" for code in codes)
+    assert read_take(put("code.csv", f"Timecode,{POINTS}\n{rows}")).rate == pytest.approx(per_second * repeated)

@@ -47,6 +47,15 @@ LAYOUTS = {
     "tracks": {"fps": 50, "points": [{"name": n, "at": [axes(f[k]) for f in PLACES]} for k, n in enumerate(NAMES)]},
     "times in ns": {f"{10**18 + round(t * 1e9)}": {"ts": 10**18 + round(t * 1e9), **by_name(f)} for t, f in FRAMES},
     "numbers in quotes": [{"t": f"{t}", **{n: [*map(str, p)] for n, p in by_name(f).items()}} for t, f in FRAMES],
+    "keys of frames": {f"frame_{n:04}": {"t": t, **by_name(frame)} for n, (t, frame) in enumerate(FRAMES)},
+    "times of each track": [{"label": n, "t": TIMES, "at": [f[k] for f in PLACES]} for k, n in enumerate(NAMES)],
+    "stamps of ROS": [{"stamp": {"sec": 5, "nanosec": t * 1e9}, "markers": named(frame)} for t, frame in FRAMES],
+    "names of another key": [
+        {"t": t, "joints": [{"type": n, "p": p} for n, p in by_name(f).items()]} for t, f in FRAMES
+    ],
+    "keys of times": {f"{t}": {"t": t, **by_name(frame)} for t, frame in FRAMES},
+    "records of each name": {n: [{"t": t, **axes(f[k])} for t, f in FRAMES] for k, n in enumerate(NAMES)},
+    "dates": [{"time": f"2024-01-02T03:04:05.{round(1e3 * t):03}Z", **by_name(frame)} for t, frame in FRAMES],
     "tidy": {"data": [{"time": t, "marker": n, **axes(p)} for t, f in FRAMES for n, p in by_name(f).items()]},
     "split": {
         "columns": [["time", ""], *([name, axis] for name in NAMES for axis in "xyz")],
@@ -117,3 +126,31 @@ def test_json_without_points_is_refused(refused, put, content):
 def test_summary_of_a_project_is_told(refused, tmp_path, small_project):
     write_file(small_project, tmp_path / "walk.summary.json")
     assert "this is a summary of skelgen, without positions" in refused(tmp_path / "walk.summary.json")
+
+
+JOINTS = [
+    [[[100.0 * person + joint, frame + 0.5, 2.0] for joint in range(5)] for frame in range(4)] for person in (0, 1)
+]
+NAMED = [[{f"j{n}": axes(place) for n, place in enumerate(frame)} for frame in person] for person in JOINTS]
+FLAT = [[[x for place in frame for x in (*place, 0.9)] for frame in person] for person in JOINTS]
+PEOPLE = {
+    "lists": [{"instances": [{"keypoints": JOINTS[k][n]} for k in (0, 1)]} for n in range(4)],
+    "ids in any order": [{"people": [{"id": k, **NAMED[k][n]} for k in ((0, 1), (1, 0))[n % 2]]} for n in range(4)],
+    "flat, with confidence": [{"bodies": [{"id": k, "joints5": FLAT[k][n]} for k in (0, 1)]} for n in range(4)],
+    "by person": {"people": [{"joints": [NAMED[k][n] for n in range(4)]} for k in (0, 1)]},
+}
+
+
+@pytest.mark.parametrize("layout", PEOPLE)
+def test_people_of_a_frame_are_parted(put, layout):
+    take = read_take(put("people.json", json.dumps(PEOPLE[layout])))
+    assert {name.partition(":")[0] for name in take.names} == {"1", "2"}
+    np.testing.assert_allclose(take.positions, np.concatenate(JOINTS, axis=1))
+
+
+@pytest.mark.parametrize("ids", [False, True])
+def test_person_who_is_missing_is_unseen(put, ids):
+    ids = [{"track_id": k} if ids else {} for k in (0, 1)]
+    frames = [[{**ids[k], "keypoints": JOINTS[k][n]} for k in range(1 + n % 2)] for n in range(4)]
+    take = read_take(put("people.json", json.dumps({"fps": 50, "frames": [{"people": frame} for frame in frames]})))
+    assert take.seen.sum(axis=1).tolist() == [5, 10, 5, 10]

@@ -173,3 +173,52 @@ def test_coordinates_in_structs_and_points_in_cells_are_read(tmp_path):
         take = read_take(file)
         assert (list(take.names), take.rate) == (NAMES, 50.0), file
         np.testing.assert_array_equal(take.positions, POSITIONS)
+
+
+def test_fourth_number_between_0_and_1_is_a_confidence(tmp_path):
+    grades = np.full((N_FRAMES, 3, 1), 0.75)
+    grades[3, 1] = 0.0
+    np.savez(tmp_path / "keypoints.npz", keypoints3d=np.concatenate([POSITIONS[:, :3], grades], axis=2))
+    take = read_take(tmp_path / "keypoints.npz")
+    assert np.argwhere(~take.seen).tolist() == [[3, 1]]
+    np.testing.assert_array_equal(take.positions[:3], POSITIONS[:3, :3])
+
+
+@pytest.mark.parametrize("axes", [(0, 1, 2, 3), (1, 0, 2, 3), (0, 1, 3, 2)])
+def test_axis_of_people_parts_their_points(tmp_path, axes):
+    people = np.stack([POSITIONS, POSITIONS + 1000.0], axis=1)
+    np.savez(tmp_path / "people.npz", pose=people.transpose(axes), joint_names=NAMES)
+    take = read_take(tmp_path / "people.npz")
+    assert take.names == tuple(f"{person}:{name}" for person in (1, 2) for name in NAMES)
+    np.testing.assert_array_equal(take.positions, people.reshape(N_FRAMES, 8, 3))
+    assert "pose is taken as 40 frames of 2 people with 4 points each" in take.notices
+
+
+def test_names_may_stand_three_times_beside_the_columns(tmp_path):
+    signals = {"VideoSignals": POSITIONS.reshape(N_FRAMES, 12), "VideoFrameRate": 50.0}
+    savemat(tmp_path / "signals.mat", signals | {"VideoSignals_headers": np.repeat(NAMES, 3).astype(object)})
+    take = read_take(tmp_path / "signals.mat")
+    assert (list(take.names), take.rate) == (NAMES, 50.0)
+    np.testing.assert_array_equal(take.positions, POSITIONS)
+
+
+def test_structs_with_the_same_names_are_trials_of_which_the_first_is_read(tmp_path):
+    fields = {name: POSITIONS[:, at] for at, name in enumerate(NAMES)}
+    savemat(tmp_path / "trials.mat", {"walk1": fields, "walk2": {name: one + 1 for name, one in fields.items()}})
+    take = read_take(tmp_path / "trials.mat")
+    assert list(take.names) == NAMES
+    np.testing.assert_array_equal(take.positions, POSITIONS)
+    assert "structs with the same names are left out, but the first: walk2" in take.notices
+
+
+def test_matrix_of_characters_names_the_points(tmp_path):
+    savemat(tmp_path / "names.mat", {"data": POSITIONS.reshape(N_FRAMES, 12), "labels": np.array(NAMES), "x": []})
+    assert list(read_take(tmp_path / "names.mat").names) == NAMES
+
+
+def test_points_of_four_rows_are_read(tmp_path):
+    savemat(
+        tmp_path / "rows.mat",
+        {name: np.vstack([POSITIONS[:, at].T, np.ones(N_FRAMES)]) for at, name in enumerate(NAMES)},
+    )
+    np.testing.assert_array_equal(read_take(tmp_path / "rows.mat").positions, POSITIONS)

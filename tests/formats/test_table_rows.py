@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from skelgen_formats.registry import read_take
 
@@ -117,3 +118,11 @@ def test_number_beyond_all_places_stands_for_an_unseen_point(put):
     take = read_take(put("ndi.csv", f"frame,a_x,a_y,a_z,b_x,b_y,b_z\n1,1,2,3,4,5,6\n{gap}"))
     assert take.seen.tolist() == [[True, True], [False, True]]
     assert any("1 position is -3.69731e+28 along x, y and z, and is taken as unseen" in one for one in take.notices)
+
+
+@pytest.mark.parametrize(("unit", "mm"), [("mm", 1.0), ("m", 1000.0)])
+def test_units_may_stand_in_cells(put, unit, mm):
+    rows = "".join(f"{10 * n} ms,1.5 {unit},2 {unit},3{unit},4 {unit},5 {unit},6 {unit}\n" for n in range(3))
+    take = read_take(put("cells.csv", f"time,a_x,a_y,a_z,b_x,b_y,b_z\n{rows}"))
+    np.testing.assert_allclose(take.positions[0], np.array([[1.5, 2, 3], [4, 5, 6]]) * mm)
+    assert take.rate == pytest.approx(100.0)

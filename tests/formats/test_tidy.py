@@ -304,3 +304,25 @@ def test_column_of_axes_is_known_by_what_it_holds(put, titles):
     take = read_take(put("long.csv", f"{titles}\n{content}"))
     assert (take.names, take.rate) == (("knee", "ankle"), 100.0)
     np.testing.assert_array_equal(take.positions[2], [[102.0, 103.0, 104.0]] * 2)
+
+
+@pytest.mark.parametrize("titles", ["time,marker,AP,ML,V", "time,marker,East,North,Up"])
+def test_directions_in_words_are_axes_of_rows(put, titles):
+    take = read_take(
+        put("words.csv", titles + "\n" + "".join(f"{n / 50},{name},100,200,{n}\n" for n in range(3) for name in "ab"))
+    )
+    assert (take.names, take.rate) == (("a", "b"), pytest.approx(50.0))
+    np.testing.assert_array_equal(take.positions[2], [[100, 200, 2]] * 2)
+
+
+def test_units_in_cells_of_rows_count(put):
+    rows = "".join(f"{n / 50},{name},1.5 m,2 m,-3 m\n" for n in range(3) for name in "ab")
+    np.testing.assert_array_equal(
+        read_take(put("units.csv", f"time,marker,x,y,z\n{rows}")).positions[0, 0], [1500, 2000, -3000]
+    )
+
+
+@pytest.mark.parametrize("title", ["node", "LED", "kp", "animal", "Type", "mac"])
+def test_column_of_names_is_known_by_what_it_holds(put, title):
+    rows = "".join(f"{n},0.9,{name},100,200,{n}\n" for n in range(3) for name in ("knee", "toe"))
+    assert read_take(put("any.csv", f"frame,quality,{title},x,y,z\n{rows}")).names == ("knee", "toe")

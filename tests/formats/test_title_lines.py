@@ -178,3 +178,74 @@ def test_bodies_count_more_than_a_single_point(put):
     take = read_take(put("gaze.csv", f"Frame,{titles}\n" + "".join(f"{n},1,2,3,0,0,0,1,4,5,{n}\n" for n in range(3))))
     assert isinstance(take, Poses)
     assert "1 point without a rotation is left out" in take.notices
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        *("# sampling_rate_hz: 50", "Sample rate (samples/sec),50", "FPS 50", "Hz,50", "Rate,50,Hz", "Bildrate,50"),
+        *(
+            "Fréquence d'échantillonnage,50",
+            "采样频率,50",
+            "# frame rate known\nHz,50",
+            "dt,0.02",
+            "Sampling interval (ms): 20",
+            "period,20 ms",
+        ),
+    ],
+)
+def test_rate_above_the_titles_may_be_written_in_many_ways(put, line):
+    take = read_take(put("rate.csv", f"{line}\na_x,a_y,a_z,b_x,b_y,b_z\n" + "1,2,3,4,5,6\n" * 3))
+    assert take.rate == pytest.approx(50.0)
+
+
+@pytest.mark.parametrize("merged", [False, True])
+def test_level_above_the_names_tells_subjects_apart(put, merged):
+    above = ",S1,,,S2,," if merged else ",S1,S1,S1,S2,S2,S2"
+    take = read_take(put("subjects.csv", f"{above}\n,knee,knee,knee,knee,knee,knee\n,x,y,z,x,y,z\n" + rows("{0},")))
+    check(take, ("S1:knee", "S2:knee"))
+
+
+def test_level_above_the_names_tells_velocities(put):
+    lines = [",pos,,,,,,vel,,,,,", ",a,,,b,,,a,,,b,,", "t" + ",x,y,z" * 4]
+    cells = [line.removesuffix("\n") for line in rows("{1},").splitlines()]
+    take = read_take(put("kinds.csv", "\n".join([*lines, *(line + ",1,2,3,4,5,6" for line in cells)]) + "\n"))
+    check(take)
+
+
+def test_words_above_other_columns_are_no_level_of_titles(put):
+    take = read_take(put("above.csv", f"Subject,Anna,Date,Monday,,,\nframe,{TITLES}\n" + rows("{0},")))
+    check(take)
+
+
+def test_level_of_axes_may_stand_above_the_names(put):
+    cells = [",".join(f"{x:g}" for x in POSITIONS[0].T.ravel())] * 2
+    take = read_take(put("axes.csv", ",x,x,y,y,z,z\n,a,b,a,b,a,b\n0," + cells[0] + "\n1," + cells[1] + "\n"))
+    check(take)
+
+
+@pytest.mark.parametrize("axis", ["{}-axis", "{} Coord", "{}pos", "{}.", "-{}", "{}-Koordinate"])
+def test_axes_below_names_may_be_spelt_in_other_ways(put, axis):
+    axes = ",".join(axis.format(one) for one in "XYZXYZ")
+    take = read_take(put("axes.csv", f"frame,time,a,,,b,,\n,,{axes}\n" + rows("{0},{1},")))
+    check(take)
+    assert take.rate == pytest.approx(50.0)
+
+
+@pytest.mark.parametrize("between", [",,1,1,1,2,2,2", ",,Position,Position,Position,Position,Position,Position"])
+def test_lines_between_names_and_axes_take_no_names(put, between):
+    take = read_take(put("ids.csv", f"frame,time,a,,,b,,\n{between}\n,,X,Y,Z,X,Y,Z\n" + rows("{0},{1},")))
+    check(take)
+    assert take.rate == pytest.approx(50.0)
+
+
+def test_words_for_axes_may_stand_below_names(put):
+    check(read_take(put("words.csv", "time,a,,,b,,\n,AP,ML,V,AP,ML,V\n" + rows("{1},"))))
+
+
+@pytest.mark.parametrize(
+    "line", ["Cut-off frequency: 6", "Low pass frequency,6", "Analog rate,6", "Baudrate,6", "heart rate,6"]
+)
+def test_rates_of_other_things_are_none_of_frames(put, line):
+    take = read_take(put("other.csv", f"{line}\nframe rate,50\na_x,a_y,a_z,b_x,b_y,b_z\n" + "1,2,3,4,5,6\n" * 3))
+    assert take.rate == pytest.approx(50.0)

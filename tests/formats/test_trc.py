@@ -289,3 +289,18 @@ def test_times_in_other_units_leave_the_stated_rate(put, text, walk):
     rows = [line.split("\t", 2) for line in lines[6:] if line]
     counted = ["\t".join([number, str(40 * int(number)), rest]) for number, _, rest in rows]
     assert read_take(put("ms.trc", "\n".join([*lines[:6], *counted, ""]))).rate == walk.rate
+
+
+def test_times_may_be_timecodes(put, text, walk):
+    lines = text.splitlines()
+    rows = [line.split("\t", 2) for line in lines[6:]]
+    coded = ["\t".join([number, f"00:00:{n // 25:02}:{n % 25:02}", rest]) for n, (number, _, rest) in enumerate(rows)]
+    take = read_take(put("codes.trc", "\n".join(lines[:6] + coded)))
+    np.testing.assert_allclose(take.positions, walk.positions)
+    assert take.rate == walk.rate
+
+
+def test_blanks_may_part_all_cells_of_rows(put, text, walk):
+    lines = text.splitlines()
+    rows = [" ".join(cell.strip() or "NaN" for cell in line.split("\t")) for line in lines[6:]]
+    np.testing.assert_allclose(read_take(put("blanks.trc", "\n".join(lines[:6] + rows))).positions, walk.positions)

@@ -7,6 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 from skelgen_formats.registry import read_take, write_file
 
+from skelgen.model import Poses
+
 
 def two_rows(titles: str, cells: str) -> str:
     """A table of a thigh and a shank at 100 Hz, with the same cells twice."""
@@ -275,3 +277,25 @@ def test_bodies_whose_titles_stand_again_have_the_names_in_their_cells(put):
     assert (take.names, take.rate) == (("Hip", "Knee"), 50.0)
     np.testing.assert_allclose(take.world_from_body[1, 1, :3, 3], [400, 500, 600])
     np.testing.assert_allclose(take.world_from_body[1, 1, :2, 0], [0.28, 0.96])
+
+
+@pytest.mark.parametrize(
+    "title", ["{n}_r{c}", "quat_{n}_{c}", "quat_{c}_{n}", "{n}_{c}quat", "{n}_att_{c}", "rot_{c}_{n}"]
+)
+def test_quaternions_may_be_titled_in_other_ways(put, title):
+    columns = [f"{n}_{a}" for n in "ab" for a in "xyz"] + [title.format(n=n, c=c) for n in "ab" for c in "xyzw"]
+    rows = "".join(f"{n},2,3,4,5,6,0,0,0.6,0.8,0,0,0,1\n" for n in range(3))
+    take = read_take(put("bodies.csv", ",".join(columns) + "\n" + rows))
+    assert isinstance(take, Poses)
+    assert take.names == ("a", "b")
+    np.testing.assert_allclose(take.world_from_body[0, 0, 1, 0], 0.96)
+
+
+@pytest.mark.parametrize("title", ["{w}_{n}", "rot_{a}_{n}", "{n}_{a}_rot", "euler_{n}_{a}"])
+def test_angles_may_be_titled_in_other_ways(put, title):
+    turns = [title.format(n=n, a=a, w=w) for n in "ab" for a, w in (("x", "roll"), ("y", "pitch"), ("z", "yaw"))]
+    columns = [f"{n}_{a}" for n in "ab" for a in "xyz"] + turns
+    rows = "".join(f"{n},2,3,4,5,6,0,0,90,0,0,{n}\n" for n in range(3))
+    take = read_take(put("bodies.csv", ",".join(columns) + "\n" + rows))
+    assert isinstance(take, Poses)
+    np.testing.assert_allclose(take.world_from_body[0, 0, 1, 0], 1.0)

@@ -200,3 +200,67 @@ def test_lengths_may_be_in_inches_or_feet(put, title, mm):
 def test_names_in_cells_stand_before_or_behind_their_points(put, titles):
     rows = ["hip,1,2,3,toe,4,5,6\n" if titles.startswith("J") else "1,2,3,hip,4,5,6,toe\n"] * 2
     assert read_take(put("cells.csv", titles + "\n" + "".join(rows))).names == ("hip", "toe")
+
+
+@pytest.mark.parametrize("axes", ["AP ML V", "A/P M/L S/I", "forward left up", "East North Up"])
+def test_directions_in_words_are_axes(put, axes):
+    titles = ",".join(f"{name}_{axis}" for name in ("knee", "toe") for axis in axes.split())
+    take = read_take(put("words.csv", f"{titles}\n{rows()}"))
+    assert take.names == ("knee", "toe")
+    np.testing.assert_allclose(take.positions, POSITIONS)
+    assert any("directions in words" in notice for notice in take.notices)
+
+
+@pytest.mark.parametrize(
+    "title", ["{n}_{a}_position [mm]", "{n} {a} in mm", "{a}_{n}_mm", "{n}->{a} (mm)", "{n} {a} pos (mm)"]
+)
+def test_axes_and_units_may_stand_in_other_places(put, title):
+    titles = ",".join(title.format(n=name, a=axis) for name in ("knee", "toe") for axis in "xyz")
+    take = read_take(put("places.csv", f"{titles}\n{rows()}"))
+    assert take.names == ("knee", "toe")
+    assert not any("no length unit" in notice for notice in take.notices)
+
+
+def test_titles_of_three_levels_in_one_cell_are_names(put):
+    titles = ",".join(f"\"('{name}', 'pos', '{axis}')\"" for name in ("knee", "toe") for axis in "xyz")
+    take = read_take(put("levels.csv", f"\"('time', '', '')\",{titles}\n" + rows("{1},")))
+    assert (take.names, take.rate) == (("knee", "toe"), 50.0)
+
+
+def test_velocities_of_points_of_one_letter_are_no_points(put):
+    titles = ",".join(f"{bone}-{what}-{axis}" for bone in ("01", "02") for what in "XV" for axis in "xyz")
+    take = read_take(put("bones.csv", titles + "\n" + ",".join(map(str, range(12))) + "\n"))
+    assert take.names == ("01-X", "02-X")
+
+
+@pytest.mark.parametrize(
+    "title",
+    [
+        *("{n}['{a}']", "{n}_{a}_world", "world_{a}_{n}", "{n}_{a}3d", "{n}_{a}_mean", "T{a}({n})", "p{a}.{n}"),
+        *(
+            "{n}.{a}_est",
+            "{n}_dim{i}",
+            "{n}_pos{i}",
+            "{n}_coord{i}",
+            "{n} {a} Pos.",
+            "Coordonnée {a} {n}",
+            "axis_{a}_{n}",
+        ),
+        *("{n} = {a}", "[{n}].{a}", "{a}({n})", "{n}; {a}"),
+    ],
+)
+def test_what_stands_around_names_and_axes_is_no_part_of_them(put, title):
+    titles = "\t".join(title.format(n=n, a=a, i="xyz".index(a)) for n in ("knee", "toe") for a in "xyz")
+    take = read_take(put("around.tsv", f"{titles}\n{rows(delimiter=chr(9))}"))
+    assert take.names == ("knee", "toe")
+    np.testing.assert_allclose(take.positions, POSITIONS)
+
+
+@pytest.mark.parametrize(
+    "title", ["{n}:{a}:mm", "{n}.{a}.mm", "{n}_{a}, mm", "{n}_{a}_in_mm", "{n}_{a}_raw_mm", "{n}_{a} [mm] (raw)"]
+)
+def test_units_may_stand_behind_axes_in_other_ways(put, title):
+    titles = "\t".join(title.format(n=n, a=a) for n in ("knee", "toe") for a in "xyz")
+    take = read_take(put("units.tsv", f"{titles}\n{rows(delimiter=chr(9))}"))
+    assert take.names == ("knee", "toe")
+    assert not any("no length unit" in notice for notice in take.notices)

@@ -17,7 +17,8 @@ for each.
 ``SkeletonAndAnimation``
     ``SKELETON``: one ``BONE`` per limb, parents first. ``TRANSLATION`` and ``ROTATION`` give the bone relative to its
     parent in the reference pose: v_parent = R v_bone + t; a root's translation is zero. ``LOCALTRANSLATION`` and
-    ``LOCALROTATION`` bring a vertex from model space (the world, in the reference pose) to bone space:
+    ``LOCALROTATION`` bring a vertex import re
+from model space (the world, in the reference pose) to bone space:
     v_bone = R_local v_model + t_local. ``JOINT``, an addition, describes the joint to the parent;
     standard deviations and (as rows of a 3 x 3 matrix) covariances where they were estimated, see
     `skelgen.model.Joint`.
@@ -36,6 +37,7 @@ for each.
     out no ``FinalMarkerPosition``.
 """
 
+import re
 from pathlib import Path
 
 from skelgen.errors import FormatError
@@ -94,7 +96,7 @@ FORMAT = Format(
     title=TITLE,
     suffixes=(".xml",),
     holds="skeleton",
-    sniff=lambda head, path: f"<{ROOT} ".encode() in head,
+    sniff=lambda head, path: re.search(rf"<{ROOT} [^>]*version=".encode(), head) is not None,
     read=lambda path, options: _take(path),
     write=write_classic_xml,
     check=lambda value, options: finished_project(value, TITLE),
