@@ -71,7 +71,7 @@ def test_the_longest_doubts_are_shown_in_order_of_time_and_the_rest_is_counted()
 def test_errors_of_labels_stand_in_one_table_with_evidence_and_outcome(kind):
     finding = Finding(kind, ("<M0>", "<M1>"), 10, 20, "evidence <1>", "outcome <1>")
     html = report_html(build(findings=(finding,)))
-    for text in ("Errors of the labels in the file", "&lt;M0&gt; → &lt;M1&gt;", "10 – 20", "evidence &lt;1&gt;"):
+    for text in ("Errors in the file", "&lt;M0&gt; → &lt;M1&gt;", "10 – 20", "evidence &lt;1&gt;"):
         assert text in html
     assert "outcome &lt;1&gt;" in html
     assert "Errors of the labels" not in report_html(build())

@@ -75,7 +75,7 @@ class LabelsContent:
     rows : list of tuple of str, Doubt and str
         The longest doubtful spans: marker, span, and what to do.
     findings : list of tuple of str and Finding
-        Errors of the labels in the file, the first: what each is in words, and it.
+        Errors in the file, the first: what each is in words, and it.
     more, more_findings : int
         How many of both are not shown.
     confidence, tracks, marker_tracks : str

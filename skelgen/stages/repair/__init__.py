@@ -57,7 +57,7 @@ class Repair:
     trajectories : Trajectories
         Repaired; the same object as before if nothing is wrong.
     findings : tuple of Finding
-        What was found, in the order of first frames.
+        What was found, in the order of first frames; filled gaps come last.
     """
 
     trajectories: Trajectories
@@ -98,7 +98,7 @@ def repair_take(
     found = [fill.finding for fill in fills] + [swap.finding for swap in swaps] + [move.finding for move in moves]
     names, last = new_names(repaired.names, slips), repaired.n_frames - 1
     found += [slip.finding(last, names.get(slip, "")) for slip in slips]
-    findings = tuple(sorted(found, key=lambda finding: (finding.first_frame, finding.names)))
+    findings = tuple(sorted(found, key=lambda one: (one.kind == "filled", one.first_frame, one.names)))
     repaired = split_slipped(repaired, slips)
     monitor.notice(f"the markers are labelled already: {_outcome(len(swaps), len(moves), slips)}")
     if fills:
