@@ -21,12 +21,9 @@ from skelgen.model.arrays import Floats
 from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats.articulated import (
     ANGLE_MARGIN,
-    DENSITY,
-    M_PER_MM,
     PLACE_MARGIN,
     Link,
     add_choices,
-    capsule_of,
     links_of,
     markers_on,
     range_of,
@@ -34,6 +31,7 @@ from skelgen_formats.articulated import (
     rotation_of_z_to,
 )
 from skelgen_formats.bones import plain_names
+from skelgen_formats.capsules import DENSITY, M_PER_MM, capsule_of
 from skelgen_formats.options import AS_MOVED, JOINTS, RATE, Format, Options, Writable, files_beside, moving_project
 from skelgen_formats.trc import write_trc
 from skelgen_formats.writing import UPRIGHTABLE, choices_in, gravity, remark_on_up, turned_up
@@ -144,11 +142,10 @@ def _add_joint(joints: Element, link: Link) -> None:
         _add(coordinate, "default_value", repr(rest))
         _add(coordinate, "range", number_text(range_of(values, rest, margin)))
     owned = SubElement(element, "frames")
-    orientation = (
-        euler_angles("XYZ", rotation_of_z_to(link.axes[0])[np.newaxis])[0] if link.kind == "hinge" else np.zeros(3)
-    )
+    turn = rotation_of_z_to(link.axes[0]) if link.kind == "hinge" else np.eye(3)
+    above, orientation = euler_angles("XYZ", np.stack([link.rest @ turn, turn]))
     place = np.zeros(3) if link.kind == "free" else link.place
-    _add_frame(owned, frames[0], f"/bodyset/{link.parent_name}" if link.parent >= 0 else "/ground", place, orientation)
+    _add_frame(owned, frames[0], f"/bodyset/{link.parent_name}" if link.parent >= 0 else "/ground", place, above)
     _add_frame(owned, frames[1], f"/bodyset/{link.name}", np.zeros(3), orientation)
     if link.kind == "universal":
         _add_two_rotations(element, link)

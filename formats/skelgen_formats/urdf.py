@@ -2,7 +2,7 @@
 
 A hinge is a revolute joint, or a continuous one if it goes through full turns, as wheels do. URDF knows no other
 turns, so a universal joint is two of them in a row and a ball three, with links of next to no mass between; a root
-hangs on the link ``world`` by three prismatic and three revolute joints.
+hangs on the link ``world`` by three prismatic and three revolute joints, or by a fixed one if it stands in the room.
 In the reference pose every joint is at 0. Frames have the orientation of the world then, but for the links of hinges
 and universal joints, whose z axis is the axis they turn about, as robots have it.
 """
@@ -21,13 +21,10 @@ from skelgen.model.arrays import Floats
 from skelgen.progress import SILENT, Monitor
 from skelgen_formats.articulated import (
     ANGLE_MARGIN,
-    DENSITY,
-    M_PER_MM,
     PLACE_MARGIN,
     Link,
     add_choices,
     bones_of,
-    capsule_of,
     links_of,
     markers_on,
     range_of,
@@ -36,6 +33,7 @@ from skelgen_formats.articulated import (
     turns_fully,
 )
 from skelgen_formats.bones import plain_names
+from skelgen_formats.capsules import DENSITY, M_PER_MM, capsule_of
 from skelgen_formats.motion_csv import MARKS_OPEN, with_marks, write_motion
 from skelgen_formats.options import AS_MOVED, JOINTS, RATE, Format, Options, Writable, files_beside, moving_project
 from skelgen_formats.writing import UPRIGHTABLE, remark_on_up
@@ -131,7 +129,7 @@ def _add_joints(robot: Element, link: Link, above: Floats) -> None:
     """Add a limb's joints in a row; all but the last end in links that have no name elsewhere and next to no mass."""
     place, singles = link.place @ above, _singles(link)
     if not singles:
-        _add_joint(robot, "fixed", (link.joint, link.parent_name, link.name), place, above.T @ link.turn)
+        _add_joint(robot, "fixed", (link.joint, link.parent_name, link.name), place, above.T @ link.rest @ link.turn)
     parent = link.parent_name
     for number, single in enumerate(singles, start=1):
         child = link.name if number == len(singles) else f"{single.name}_link"
