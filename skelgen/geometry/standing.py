@@ -79,7 +79,7 @@ def fixed_limbs(markers: Sequence[Floats], parents: Ints) -> list[int]:
     """
     found = []
     for limbs in limbs_of_bodies(parents):
-        moved = np.array([variance_in_room(markers[limb]) - _noise(markers[limb]) for limb in limbs.tolist()])
+        moved = np.array([variance_in_room(markers[limb]) - noise_of(markers[limb]) ** 2 for limb in limbs.tolist()])
         first, *others = np.argsort(moved).tolist()
         if others and moved[first] < STILL**2 * moved[others[0]] < np.inf:
             found.append(int(limbs[first]))
@@ -98,7 +98,13 @@ def variance_in_room(markers: Floats) -> float:
     return float(np.nanvar(shown, axis=0).mean()) if shown.shape[1] else np.inf
 
 
-def _noise(markers: Floats) -> float:
-    """Mean variance of white noise of these coordinates [mm^2], von Neumann's: of what moves on smoothly, almost 0."""
-    steps = np.diff(markers, axis=0)
-    return float(np.nanmean(steps**2)) / 2 if np.isfinite(steps).any() else 0.0
+def noise_of(positions: Floats) -> float:
+    """Return the white noise [mm] of coordinates by their successive differences: of what moves smoothly, almost 0.
+
+    Parameters
+    ----------
+    positions : ndarray, shape (n_frames, ...), mm
+        NaN where unseen.
+    """
+    steps = np.diff(positions, axis=0)
+    return float(np.sqrt(np.nanmean(steps**2) / 2)) if np.isfinite(steps).any() else 0.0

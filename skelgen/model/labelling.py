@@ -14,8 +14,8 @@ DOUBT_KINDS = ("piece", "alone", "rare", "rival", "misfit", "unsupported", "repa
 marker is known. ``rare``: it is seen in few frames. ``rival``: the place of another marker fits as well. ``misfit``: no
 place fits. ``unsupported``: too few markers beside it are seen. ``repaired``: its labels were exchanged in the file."""
 
-FINDING_KINDS = ("exchanged", "moved", "slipped")
-"""Errors of labels that came with the take: exchanged among markers, on another marker, or on a marker that slipped."""
+FINDING_KINDS = ("exchanged", "moved", "slipped", "fallen")
+"""Errors of labels that a take came with: exchanged, on another marker, or of one that slipped or fell."""
 
 
 @dataclass(frozen=True, eq=False)

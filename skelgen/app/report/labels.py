@@ -53,7 +53,12 @@ _MOST_ROWS = 40
 _MOST_QUESTIONS = 10
 """Questions in the report, those that settle most."""
 
-_FINDING_WORDS = {"exchanged": "Labels exchanged", "moved": "Label on another marker", "slipped": "Marker slipped"}
+_FINDING_WORDS = {
+    "exchanged": "Labels exchanged",
+    "moved": "Label on another marker",
+    "slipped": "Marker slipped",
+    "fallen": "Marker fell off",
+}
 
 
 @dataclass(frozen=True, eq=False)
