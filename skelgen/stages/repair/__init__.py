@@ -84,13 +84,13 @@ def repair_take(
     if not parameters.repair:
         monitor.notice("the markers are labelled already: this stage is skipped")
         return Repair(trajectories)
-    limbs = robust_limbs(trajectories)
-    swaps = find_swaps(trajectories, parameters.swap_evidence, limbs=limbs, monitor=monitor)
-    repaired = repair_swaps(trajectories, swaps)
+    falls = find_falls(trajectories)
+    attached = without_fallen(trajectories, falls)
+    limbs = robust_limbs(attached)
+    swaps = find_swaps(attached, parameters.swap_evidence, limbs=limbs, monitor=monitor)
+    repaired = repair_swaps(attached, swaps)
     moves = find_moves(repaired, limbs=robust_limbs(repaired) if swaps else limbs)
     repaired = undo_moves(repaired, moves)
-    falls = find_falls(repaired)
-    repaired = without_fallen(repaired, falls)
     slips = find_slips(repaired, parameters.slip_seconds, parameters.slip_evidence) if parameters.slips else ()
     found = [swap.finding for swap in swaps] + [move.finding for move in moves]
     names, last = new_names(repaired.names, slips), repaired.n_frames - 1
