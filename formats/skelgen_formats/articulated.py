@@ -3,10 +3,6 @@
 A joint is written as its type only if the motion keeps to it, as bearings do. The fit lets joints that wobble turn
 freely, however clearly they are hinges; knees would lose centimetres of the motion as hinges, so they become balls
 unless the user wants the types.
-
-Masses and inertias of limbs are those of capsules along their bones, as thick as the markers lie far from them. A
-capsule is a cylinder between two half spheres. It reaches from end to end of the bone; where it is thicker than long,
-its half spheres stick out. Nothing is weighed: with the density of water a thigh comes near a thigh.
 """
 
 from collections.abc import Iterator, Sequence
@@ -22,10 +18,11 @@ from skelgen.geometry.rotations import (
     transform_from,
     vector_from_matrix,
 )
+from skelgen.geometry.standing import fixed_limbs
 from skelgen.model import Joint, Project, Skeleton
 from skelgen.model.arrays import Floats
-from skelgen_formats.bones import bone_end, bone_names, parent_from_child, plain_names
-from skelgen_formats.options import AS_FOUND, AS_MOVED, JOINTS, Option, Options
+from skelgen_formats.bones import bone_names, parent_from_child, plain_names
+from skelgen_formats.options import AS_FOUND, AS_MOVED, JOINTS, Options
 from skelgen_formats.writing import choices_in
 from skelgen_formats.xml_text import comment_text
 
@@ -56,7 +53,8 @@ class Link:
     joint : str
         Name of the joint, such as ``limb0-limb1``; that of a root is ``world-limb0``.
     kind : str
-        ``free`` for a root, else ``ball``, ``universal``, ``hinge`` or ``rigid``.
+        ``free`` for a root, or ``rigid`` if it is fixed in the room; else ``ball``, ``universal``, ``hinge`` or
+        ``rigid``.
     place : ndarray, shape (3,), mm
         The joint in the parent's frame, where the limb's own frame begins; of a root, its place in the reference pose.
     axes : ndarray, shape (n_angles, 3)
@@ -64,7 +62,7 @@ class Link:
     angles : ndarray, shape (n_frames, n_angles), rad
         Right-handed, 0 in the reference pose, without jumps of a full turn.
     translations : ndarray, shape (n_frames, 3), mm
-        Of the limb's frame in the parent's; `place` in every frame but for roots.
+        Of the limb's frame in the parent's; `place` in every frame but for free roots.
     rotations : ndarray, shape (n_frames, 3, 3)
         Of the limb against its parent.
     """
@@ -87,6 +85,11 @@ class Link:
         return rotation_of_z_to(self.axes[-1]) if self.kind in {"hinge", "universal"} else np.eye(3)
 
     @property
+    def rest(self) -> Floats:
+        """Parent from limb without any turns, shape (3, 3): upright, but for a root that is fixed in the room."""
+        return self.rotations[0] if self.kind == "rigid" else np.eye(3)
+
+    @property
     def angle_names(self) -> tuple[str, ...]:
         """Name of each angle: of the joint, and ``turn``, ``first``, ``second``, or ``rx``, ``ry``, ``rz``."""
         return tuple(f"{self.joint}_{name}" for name in _ANGLE_NAMES.get(self.kind, ("rx", "ry", "rz")))
@@ -102,29 +105,30 @@ def links_of(project: Project, joints: str) -> tuple[Link, ...]:
     joints : str
         A choice of `JOINTS`.
     """
-    links = _links(project.skeleton, project.motion.world_from_limb, joints)
-    moved = _moved_markers(project, links)
-    if moved <= _MOVED:
+    world, fixed = project.motion.world_from_limb, _fixed_roots(project)
+    links = _links(project.skeleton, world, joints, ())
+    moved = _moved_markers(project.skeleton, world, links)
+    if moved <= _MOVED and not fixed:
         return links
     from skelgen.kinematics.inverse.inverse_kinematics import hold_joints  # noqa: PLC0415 - scipy is slow to load
 
     freed = {link.limb for link in links if link.kind == "ball"}
-    held = tuple(
+    kinds = tuple(
         replace(joint, kind="ball", axis=None, axis_std=None, second_axis=None, second_axis_std=None)
         if joint.child in freed
         else joint
         for joint in project.skeleton.joints
     )
-    skeleton = replace(project.skeleton, joints=held)
-    again = _links(skeleton, hold_joints(skeleton, project.motion.world_from_limb), AS_FOUND)
-    return again if _moved_markers(project, again) < moved else links
+    skeleton = replace(project.skeleton, joints=kinds)
+    held = _links(skeleton, hold_joints(skeleton, _at_rest(world, fixed), fixed), AS_FOUND, fixed)
+    return held if fixed or _moved_markers(skeleton, world, held) < moved else links
 
 
 def posed(links: Sequence[Link]) -> Floats:
     """Return where a reader of the links puts the limbs: world_from_limb [mm], shape (n_frames, n_limbs, 4, 4)."""
     poses = np.tile(np.eye(4), (len(links[0].angles), len(links), 1, 1))
     for link in links:
-        own = transform_from(_turned(link.axes, link.angles), link.translations)
+        own = transform_from(link.rest @ _turned(link.axes, link.angles), link.translations)
         poses[:, link.limb] = own if link.parent < 0 else poses[:, link.parent] @ own
     return poses
 
@@ -231,22 +235,41 @@ def remarks_on_joints(project: Project, options: Options, *, by_three_angles: bo
     return tuple(remarks)
 
 
-def _links(skeleton: Skeleton, world: Floats, joints: str) -> tuple[Link, ...]:
+def _fixed_roots(project: Project) -> list[int]:
+    """Roots that are fixed in the room, as the bases of most machines are."""
+    skeleton, positions = project.skeleton, project.trajectories.positions
+    markers = [positions[:, skeleton.markers_of(limb)] for limb in range(skeleton.n_limbs)]
+    return [limb for limb in fixed_limbs(markers, skeleton.parents) if skeleton.parents[limb] < 0]
+
+
+def _at_rest(world: Floats, fixed: Sequence[int]) -> Floats:
+    """Poses of limbs, those of fixed ones in all frames as in the mean."""
+    world = world.copy()
+    for limb in fixed:
+        mean = vector_from_matrix(world[:, limb, :3, :3]).mean(axis=0)
+        world[:, limb] = transform_from(matrix_from_vector(mean), world[:, limb, :3, 3].mean(axis=0))
+    return world
+
+
+def _links(skeleton: Skeleton, world: Floats, joints: str, fixed: Sequence[int]) -> tuple[Link, ...]:
     called = plain_names(skeleton.joint_names)
     above = {joint.child: (joint, name) for joint, name in zip(skeleton.joints, called, strict=True)}
     bones = bone_names(skeleton)
     return tuple(
-        _link(*above[limb], bones, world, joints) if limb in above else _root(skeleton, limb, bones[limb], world)
+        _link(*above[limb], bones, world, joints)
+        if limb in above
+        else _root(skeleton, limb, bones[limb], world, limb in fixed)
         for limb in skeleton.outward.tolist()
     )
 
 
-def _root(skeleton: Skeleton, limb: int, name: str, world: Floats) -> Link:
-    poses, place = world[:, limb], skeleton.reference_pose[limb, :3, 3]
-    rotations = poses[:, :3, :3]
-    angles = euler_angles("XYZ", rotations)
-    named = (name, "world", f"world-{name}")
-    return Link(limb, -1, *named, "free", place, np.eye(3), angles, poses[:, :3, 3], rotations)
+def _root(skeleton: Skeleton, limb: int, name: str, world: Floats, is_fixed: bool) -> Link:
+    poses, named = world[:, limb], (name, "world", f"world-{name}")
+    places, rotations = poses[:, :3, 3], poses[:, :3, :3]
+    if is_fixed:
+        return Link(limb, -1, *named, "rigid", places[0], np.zeros((0, 3)), rotations[:, 0, :0], places, rotations)
+    place, angles = skeleton.reference_pose[limb, :3, 3], euler_angles("XYZ", rotations)
+    return Link(limb, -1, *named, "free", place, np.eye(3), angles, places, rotations)
 
 
 def _link(joint: Joint, name: str, bones: Sequence[str], world: Floats, joints: str) -> Link:
@@ -291,9 +314,12 @@ def _departure(axes: Floats, angles: Floats, rotations: Floats) -> float:
 
 
 def _on_wobble(project: Project, links: Sequence[Link]) -> Iterator[str]:
-    moved = _moved_markers(project, links)
+    fixed = [link.name for link in links if link.parent < 0 and link.kind == "rigid"]
+    moved = _moved_markers(project.skeleton, project.motion.world_from_limb, links)
+    if fixed:
+        yield f"What stands still in the room is fixed there: {', '.join(fixed)}."
     if moved > _MOVED:
-        yield f"Joints kept to their kinds move markers by up to {moved:.3g} mm."
+        yield f"Joints kept to their kinds{' and what is fixed' if fixed else ''} move markers by up to {moved:.3g} mm."
     found = {joint.child: joint.kind for joint in project.skeleton.joints}
     freed = [link.joint for link in links if link.kind == "ball" and found[link.limb] not in {"ball", "undetermined"}]
     if freed:
@@ -303,95 +329,9 @@ def _on_wobble(project: Project, links: Sequence[Link]) -> Iterator[str]:
         )
 
 
-def _moved_markers(project: Project, links: Sequence[Link]) -> float:
-    """How far [mm] the farthest marker comes to lie from where the motion has it."""
-    skeleton = project.skeleton
+def _moved_markers(skeleton: Skeleton, world: Floats, links: Sequence[Link]) -> float:
+    """How far [mm] the farthest marker comes to lie from where these poses of limbs have it."""
     used = np.flatnonzero(skeleton.limb_of_marker >= 0)
-    apart = (posed(links) - project.motion.world_from_limb)[:, skeleton.limb_of_marker[used]]
+    apart = (posed(links) - world)[:, skeleton.limb_of_marker[used]]
     moved = (apart[..., :3, :3] @ skeleton.marker_offsets[used, :, np.newaxis])[..., 0] + apart[..., :3, 3]
     return float(np.linalg.norm(moved, axis=2).max(initial=0.0))
-
-
-M_PER_MM = 1e-3
-"""Formats of models with masses are in metres."""
-
-DENSITY = Option(
-    "density",
-    1000.0,
-    "Density of the limbs, which gives masses and inertias of capsules along them as thick as their markers lie far.",
-    reading=False,
-    unit="kg/m³",
-    low=1e-3,
-    high=1e6,
-)
-"""The option of every writer of models that have masses."""
-
-_THINNEST = 10.0  # mm
-_MOST_INSET = 0.45  # of the bone, from either end: a capsule without length is none
-
-
-@dataclass(frozen=True, eq=False)
-class LimbCapsule:
-    """A limb's body.
-
-    Attributes
-    ----------
-    start, end : ndarray, shape (3,), m
-        Centres of the half spheres, in the limb's frame.
-    radius : float, m
-        Of cylinder and half spheres.
-    density : float, kg/m^3
-        The same everywhere.
-    """
-
-    start: Floats
-    end: Floats
-    radius: float
-    density: float
-
-    @property
-    def centre(self) -> Floats:
-        """Centre of mass in the limb's frame [m], shape (3,)."""
-        return np.asarray((self.start + self.end) / 2)
-
-    @property
-    def mass(self) -> float:
-        """Mass [kg]."""
-        return sum(self._masses())
-
-    def inertia(self) -> Floats:
-        """Return the inertia about the centre of mass in the limb's axes [kg m^2], shape (3, 3)."""
-        cylinder, spheres = self._masses()
-        height, radius = float(np.linalg.norm(self.end - self.start)), self.radius
-        along = cylinder * radius**2 / 2 + spheres * 2 * radius**2 / 5
-        across = cylinder * (3 * radius**2 + height**2) / 12
-        across += spheres * (2 * radius**2 / 5 + height**2 / 4 + 3 * height * radius / 8)
-        axis = (self.end - self.start) / height
-        return np.asarray(across * np.eye(3) + (along - across) * np.outer(axis, axis))
-
-    def _masses(self) -> tuple[float, float]:
-        """Of the cylinder, and of both half spheres together [kg]."""
-        disc = np.pi * self.radius**2 * self.density
-        return float(disc * np.linalg.norm(self.end - self.start)), float(disc * self.radius * 4 / 3)
-
-
-def capsule_of(skeleton: Skeleton, limb: int, density: float) -> LimbCapsule:
-    """Return the capsule along a limb's bone.
-
-    Parameters
-    ----------
-    skeleton : Skeleton
-        The limbs.
-    limb : int
-        Any limb.
-    density : float, kg/m^3
-        Of the limb.
-    """
-    end = bone_end(skeleton, limb)
-    length = float(np.linalg.norm(end))
-    along = end / length
-    markers = skeleton.marker_offsets[skeleton.markers_of(limb)]
-    aside = np.linalg.norm(markers - np.outer(markers @ along, along), axis=1)
-    radius = max(float(aside.mean()) if len(aside) else 0.0, _THINNEST)
-    inset = min(radius, _MOST_INSET * length) * along
-    return LimbCapsule(inset * M_PER_MM, (end - inset) * M_PER_MM, radius * M_PER_MM, density)

@@ -1,9 +1,10 @@
 """MJCF, the models of MuJoCo (.mjcf.xml), and their motion (.qpos.csv): metres and radians.
 
 One body per limb, nested; hinges and balls as MuJoCo has them, two hinges in one body for a universal joint, a free
-joint for each root, none for a rigid one. The columns of the motion are MuJoCo's ``qpos`` in its order: quaternions are
-w x y z of the limb against its parent. The keyframe ``start`` is the first frame. Markers are sites. The z axis of a
-hinge's body is the axis it turns about; other bodies have the orientation of the world in the reference pose.
+joint for each root that moves, none for a rigid joint and a base that stands in the room. The columns of the motion are
+MuJoCo's ``qpos`` in its order: quaternions are w x y z of the limb against its parent. The keyframe ``start`` is the
+first frame. Markers are sites. The z axis of a hinge's body is the axis it turns about; other bodies have the
+orientation of the world in the reference pose.
 """
 
 from collections.abc import Mapping
@@ -19,12 +20,9 @@ from skelgen.model.arrays import Bools, Floats, displayable
 from skelgen.progress import Monitor
 from skelgen_formats.articulated import (
     ANGLE_MARGIN,
-    DENSITY,
-    M_PER_MM,
     Link,
     add_choices,
     bones_of,
-    capsule_of,
     links_of,
     markers_on,
     range_of,
@@ -32,6 +30,7 @@ from skelgen_formats.articulated import (
     turns_fully,
 )
 from skelgen_formats.bones import plain_names
+from skelgen_formats.capsules import DENSITY, M_PER_MM, capsule_of
 from skelgen_formats.motion_csv import MARKS_OPEN, with_marks, write_motion
 from skelgen_formats.options import JOINTS, RATE, Format, Options, Writable, files_beside, moving_project
 from skelgen_formats.writing import UPRIGHTABLE, gravity, remark_on_up, turned_up
@@ -73,7 +72,7 @@ def _add_bodies(document: Element, project: Project, links: Mapping[str, Link], 
         above = links[link.parent_name].turn if link.parent >= 0 else np.eye(3)
         elements[name] = body = SubElement(elements[link.parent_name], "body", name=name)
         body.set("pos", number_text(link.place @ above * M_PER_MM))
-        body.set("quat", number_text(quaternion_from_matrix(above.T @ link.turn)))
+        body.set("quat", number_text(quaternion_from_matrix(above.T @ link.rest @ link.turn)))
         _add_joints(body, link)
         capsule = capsule_of(project.skeleton, link.limb, density)
         ends = np.concatenate([capsule.start @ link.turn, capsule.end @ link.turn])

@@ -20,8 +20,9 @@ from skelgen.model import Project
 from skelgen.model.arrays import Floats
 from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats import articulated
-from skelgen_formats.articulated import M_PER_MM, Link
+from skelgen_formats.articulated import Link
 from skelgen_formats.bones import plain_names
+from skelgen_formats.capsules import DENSITY, M_PER_MM, capsule_of
 from skelgen_formats.options import JOINTS, RATE, Format, Options, Writable, files_beside, moving_project
 from skelgen_formats.trc import write_trc
 from skelgen_formats.writing import UPRIGHTABLE, choices_in, gravity, remark_on_up, turned_up
@@ -69,7 +70,7 @@ def _document(project: Project, links: Sequence[Link], density: float, gravity_v
     bodies, joints, markers = (_objects(model, which) for which in ("BodySet", "JointSet", "MarkerSet"))
     for link in links:
         body = SubElement(bodies, "Body", name=link.name)
-        capsule = articulated.capsule_of(project.skeleton, link.limb, density)
+        capsule = capsule_of(project.skeleton, link.limb, density)
         inertia = capsule.inertia()
         _add(body, "mass", repr(capsule.mass))
         _add(body, "mass_center", number_text(capsule.centre))
@@ -102,13 +103,10 @@ def _add_joint(joints: Element, link: Link) -> None:
         _add(coordinate, "default_value", repr(rest))
         _add(coordinate, "range", number_text(articulated.range_of(values, rest, margin)))
     owned = SubElement(element, "frames")
-    orientation = (
-        euler_angles("XYZ", articulated.rotation_of_z_to(link.axes[0])[np.newaxis])[0]
-        if link.kind == "hinge"
-        else np.zeros(3)
-    )
+    turn = articulated.rotation_of_z_to(link.axes[0]) if link.kind == "hinge" else np.eye(3)
+    above, orientation = euler_angles("XYZ", np.stack([link.rest @ turn, turn]))
     place = np.zeros(3) if link.kind == "free" else link.place
-    _add_frame(owned, frames[0], f"/bodyset/{link.parent_name}" if link.parent >= 0 else "/ground", place, orientation)
+    _add_frame(owned, frames[0], f"/bodyset/{link.parent_name}" if link.parent >= 0 else "/ground", place, above)
     _add_frame(owned, frames[1], f"/bodyset/{link.name}", np.zeros(3), orientation)
     if link.kind == "universal":
         _add_two_rotations(element, link)
@@ -209,6 +207,6 @@ FORMAT = Format(
     keeps=("markers", "names", "limbs", "joints", "angles", "kinds", "motion"),
     marks_open="comments of the model, header of the motion",
     remarks=_remarks,
-    options=(UPRIGHTABLE, RATE, JOINTS, articulated.DENSITY),
+    options=(UPRIGHTABLE, RATE, JOINTS, DENSITY),
     note="Four files are written: .osim, .mot, .trc, and .ik.xml for inverse kinematics; m and degrees, markers in mm.",
 )

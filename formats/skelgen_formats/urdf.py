@@ -2,7 +2,7 @@
 
 A hinge is a revolute joint, or a continuous one if it goes through full turns, as wheels do. URDF knows no other
 turns, so a universal joint is two of them in a row and a ball three, with links of next to no mass between; a root
-hangs on the link ``world`` by three prismatic and three revolute joints.
+hangs on the link ``world`` by three prismatic and three revolute joints, or by a fixed one if it stands in the room.
 In the reference pose every joint is at 0. Frames have the orientation of the world then, but for the links of hinges
 and universal joints, whose z axis is the axis they turn about, as robots have it.
 """
@@ -20,8 +20,9 @@ from skelgen.model import Project
 from skelgen.model.arrays import Floats
 from skelgen.progress import Monitor
 from skelgen_formats import articulated
-from skelgen_formats.articulated import M_PER_MM, Link
+from skelgen_formats.articulated import Link
 from skelgen_formats.bones import plain_names
+from skelgen_formats.capsules import DENSITY, M_PER_MM, capsule_of
 from skelgen_formats.motion_csv import MARKS_OPEN, with_marks, write_motion
 from skelgen_formats.options import JOINTS, RATE, Format, Options, Writable, files_beside, moving_project
 from skelgen_formats.writing import UPRIGHTABLE, remark_on_up
@@ -75,7 +76,7 @@ def _robot(project: Project, links: Sequence[Link], name: str, density: float) -
     turns = {-1: np.eye(3)} | {link.limb: link.turn for link in links}
     for link in links:
         body = SubElement(robot, "link", name=link.name)
-        capsule = articulated.capsule_of(project.skeleton, link.limb, density)
+        capsule = capsule_of(project.skeleton, link.limb, density)
         inertia = link.turn.T @ capsule.inertia() @ link.turn
         _add_inertial(body, capsule.mass, capsule.centre @ link.turn, inertia)
         for end in articulated.bones_of(project, link):
@@ -93,7 +94,7 @@ def _add_joints(robot: Element, link: Link, above: Floats) -> None:
     """Add a limb's joints in a row; all but the last end in links that have no name elsewhere and next to no mass."""
     place, singles = link.place @ above, _singles(link)
     if not singles:
-        _add_joint(robot, "fixed", (link.joint, link.parent_name, link.name), place, above.T @ link.turn)
+        _add_joint(robot, "fixed", (link.joint, link.parent_name, link.name), place, above.T @ link.rest @ link.turn)
     parent = link.parent_name
     for number, single in enumerate(singles, start=1):
         child = link.name if number == len(singles) else f"{single.name}_link"
@@ -183,6 +184,6 @@ FORMAT = Format(
     keeps=("names", "limbs", "joints", "angles", "kinds", "motion"),
     marks_open=f"comments of the robot; in the motion, {MARKS_OPEN}",
     remarks=_remarks,
-    options=(UPRIGHTABLE, RATE, JOINTS, articulated.DENSITY),
+    options=(UPRIGHTABLE, RATE, JOINTS, DENSITY),
     note="Two files are written, .urdf and .urdf.csv with the value of each joint in every frame; in m and rad.",
 )

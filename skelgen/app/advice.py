@@ -1,8 +1,6 @@
 """What the user could do about doubtful labels, and is asked: short sentences that follow from the facts of a project.
 
-Markers that stand still until the end of a take while others move may have fallen off. What is fixed in the room shows
-white noise: its successive differences have twice the variance of its positions, von Neumann's ratio (Annals of
-Mathematical Statistics 12, 1941). A body that holds still sways, however little, so that its ratio is lower.
+Markers that stand still until the end of a take while others move may have fallen off.
 """
 
 from collections import Counter
@@ -14,8 +12,9 @@ import numpy as np
 
 from skelgen.app.constraints import corrected_marker
 from skelgen.errors import InputError
+from skelgen.geometry.standing import rest_begins
 from skelgen.model import Labelling, PointCloud, Project, Trajectories
-from skelgen.model.arrays import Floats, Ints
+from skelgen.model.arrays import Ints
 from skelgen.model.corrections import names_after
 from skelgen.model.labelling import Doubt, seen_runs
 from skelgen.model.questions import LEFT_OUT_SHARE, Question, by_worth, questions_on
@@ -220,21 +219,6 @@ def _named(items: list[str]) -> str:
     return f"{shown} and {len(items) - MOST_NAMED} more" if len(items) > MOST_NAMED else shown
 
 
-STILL_SECONDS = 2.0
-"""s; shorter rests do not count."""
-
-_END_SECONDS = 1.0
-"""s; the end of a path, from which place and noise of the marker are estimated."""
-
-_OFF_PLACE = 5.0
-"""Standard deviations of the noise; a resting marker is never farther from its place."""
-
-_ROUNDING = 1e-3
-"""mm; resolution of positions in files: less noise than that counts as none."""
-
-_WHITE = 3.0
-"""Standard deviations by which the ratio of white noise may be below 2."""
-
 _OF_A_LIMB = 3
 """If so many markers of a limb stand still together, the limb rests, and its markers are all right."""
 
@@ -253,7 +237,7 @@ def standing_markers(project: Project) -> tuple[tuple[int, int], ...]:
         Marker, and the frame from which on it stands still; not of markers that the user has confirmed.
     """
     markers = project.trajectories
-    found = [(marker, _rest_begins(markers, marker)) for marker in range(markers.n_markers)]
+    found = [(marker, rest_begins(markers.positions[:, marker], markers.rate)) for marker in range(markers.n_markers)]
     still = [(marker, first) for marker, first in found if first is not None]
     if 2 * len(still) >= markers.n_markers:
         return ()
@@ -298,29 +282,3 @@ def _confirmed(project: Project) -> set[int]:
             with suppress(InputError):  # it is no more
                 found.add(corrected_marker(project.trajectories, now, 0))
     return found
-
-
-def _rest_begins(markers: Trajectories, marker: int) -> int | None:
-    """The frame from which on a marker stands still; None if it does not, or not for long."""
-    frames = np.flatnonzero(markers.seen[:, marker])
-    path, least = markers.positions[frames, marker], max(3, round(STILL_SECONDS * markers.rate))
-    if len(path) < least:
-        return None
-    end = path[-max(3, round(_END_SECONDS * markers.rate)) :]
-    place = np.median(end, axis=0)
-    noise = float(np.sqrt(np.square(end - place).mean()))
-    limit = _OFF_PLACE * noise + _ROUNDING
-    if np.abs(path[-least:] - place).max() > limit:  # of most markers, without a look at all of a long take
-        return None
-    away = np.flatnonzero(np.abs(path - place).max(axis=1) > limit)
-    begin = int(away[-1]) + 1 if len(away) else 0
-    return int(frames[begin]) if _is_white(path[begin:]) else None
-
-
-def _is_white(path: Floats) -> bool:
-    """Whether positions (n, 3) vary by noise alone."""
-    variance = float(path.var(axis=0).sum())
-    if variance <= _ROUNDING**2:
-        return True
-    ratio = float(np.square(np.diff(path, axis=0)).mean(axis=0).sum()) / variance
-    return bool(ratio > 2.0 - _WHITE * 2.0 / np.sqrt(len(path)))

@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from skelgen_formats.articulated import capsule_of, plain_names
+from skelgen_formats.articulated import plain_names
+from skelgen_formats.capsules import capsule_of
 from skelgen_formats.options import Options
 from skelgen_formats.registry import find_format, write_file
 

@@ -7,7 +7,8 @@ from xml.etree.ElementTree import parse
 
 import numpy as np
 import pytest
-from skelgen_formats.articulated import capsule_of, links_of
+from skelgen_formats.articulated import links_of
+from skelgen_formats.capsules import capsule_of
 from skelgen_formats.options import Options
 from skelgen_formats.registry import find_format, write_file
 
@@ -250,3 +251,35 @@ def test_coordinates_are_read_without_the_marks_of_joints(jointed_project, tmp_p
     plain, with_marks = (read_columns(write_file(one, tmp_path / name)[1]) for one in (jointed_project, marked))
     assert with_marks[0] == plain[0]
     np.testing.assert_array_equal(with_marks[1], plain[1])
+
+
+@pytest.fixture(name="on_a_stand")
+def on_a_stand_fixture(jointed_project):
+    """The jointed project, but the roots of both bodies stand in the room as in the first frame."""
+    poses, take = jointed_project.motion.world_from_limb.copy(), jointed_project.trajectories
+    positions, skeleton = take.positions.copy(), jointed_project.skeleton
+    for limbs in skeleton.bodies:
+        root = next(limb for limb in limbs if limb in skeleton.roots)
+        held = poses[0, root] @ np.linalg.inv(poses[:, root])
+        poses[:, limbs] = held[:, np.newaxis] @ poses[:, limbs]
+        on = np.flatnonzero(np.isin(skeleton.limb_of_marker, limbs))
+        positions[:, on] = (held[:, np.newaxis, :3, :3] @ positions[:, on, :, np.newaxis])[..., 0] + held[
+            :, np.newaxis, :3, 3
+        ]
+    take = replace(take, positions=positions)
+    return replace(jointed_project, _trajectories=take, _motion=replace(jointed_project.motion, world_from_limb=poses))
+
+
+def test_a_base_that_stands_in_the_room_has_no_joint_that_is_free(on_a_stand, tmp_path):
+    mujoco = pytest.importorskip("mujoco", reason="needs MuJoCo: pip install 'mujoco>=3'")
+    model_file, motion = write_file(on_a_stand, tmp_path / "arm.mjcf.xml")
+    assert not list(parse(model_file).iter("freejoint"))
+    model = mujoco.MjModel.from_xml_path(str(model_file))
+    data = mujoco.MjData(model)
+    truth = body_poses(on_a_stand)
+    for frame, row in enumerate(read_columns(motion)[1][:, 2:]):
+        data.qpos[:] = row
+        mujoco.mj_kinematics(model, data)
+        for limb, pose in enumerate(truth[frame]):
+            assert np.abs(data.body(f"limb{limb}").xpos * 1000 - pose[:3, 3]).max() < POSITION_MM
+            assert np.abs(data.body(f"limb{limb}").xmat.reshape(3, 3) - pose[:3, :3]).max() < ROTATION

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 from collections.abc import Callable
 from pathlib import Path
@@ -120,3 +121,23 @@ def moved_world() -> SimpleNamespace:
 
     rotation, shift = matrix_from_vector(np.array([0.7, -1.1, 2.0])), np.array([3000.0, -500.0, 120.0])
     return SimpleNamespace(rotation=rotation, shift=shift, points=lambda points: points @ rotation.T + shift)
+
+
+FALL_FRAME = 300
+
+
+@pytest.fixture
+def fallen(simulated) -> Callable[..., Trajectories]:
+    """`fallen("head 1", ...)`: a human; these markers fall off in `FALL_FRAME` and lie still till the end."""
+
+    def make(*names: str) -> Trajectories:
+        take = simulated("human:4", n_frames=700, noise=0.5).take
+        positions, seconds = take.positions.copy(), np.arange(700 - FALL_FRAME) / take.rate
+        for marker in (take.names.index(name) for name in names):
+            start = positions[FALL_FRAME, marker]
+            dropped = np.minimum(9807.0 / 2 * seconds**2, 900.0)
+            noise = np.random.default_rng(marker).normal(0.0, 0.5, (len(seconds), 3))
+            positions[FALL_FRAME:, marker] = start - dropped[:, np.newaxis] * [0.0, 0.0, 1.0] + noise
+        return dataclasses.replace(take, positions=positions)
+
+    return make

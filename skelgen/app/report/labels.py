@@ -56,6 +56,7 @@ _FINDING_WORDS = {
     "exchanged": "Labels exchanged",
     "moved": "Label on another marker",
     "slipped": "Marker slipped",
+    "fallen": "Marker fell off",
     "filled": "Gaps filled",
 }
 

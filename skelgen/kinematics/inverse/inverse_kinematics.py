@@ -4,6 +4,7 @@ Limbs are posed from the root outward in closed form (Schönauer 2007, 3.8.2). T
 markers at once, and joints rotate only as their types allow. Every joint's angles come with standard deviations.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -106,7 +107,7 @@ def solve(skeleton: Skeleton, positions: Floats, *, method: str = "whole-chain",
     return posture(skeleton, trees, found)
 
 
-def hold_joints(skeleton: Skeleton, world_from_limb: Floats) -> Floats:
+def hold_joints(skeleton: Skeleton, world_from_limb: Floats, fixed: Sequence[int] = ()) -> Floats:
     """Return the poses nearest to given ones in which joints turn only as their types allow, in the same shape.
 
     Four points of each limb are fitted, as far apart as its markers are, so that all of its turns count.
@@ -117,6 +118,8 @@ def hold_joints(skeleton: Skeleton, world_from_limb: Floats) -> Floats:
         With its types of joints and axes.
     world_from_limb : ndarray, shape (n_frames, n_limbs, 4, 4), translations in mm
         Poses whose joints are closed but turn otherwise.
+    fixed : sequence of int
+        Limbs that give way least.
     """
     corners = []
     for limb in range(skeleton.n_limbs):
@@ -127,13 +130,14 @@ def hold_joints(skeleton: Skeleton, world_from_limb: Floats) -> Floats:
     offsets = np.array(corners)
     shown = world_from_limb[:, :, np.newaxis, :3, :3] @ offsets[..., np.newaxis]
     points = (shown[..., 0] + world_from_limb[:, :, np.newaxis, :3, 3]).reshape(len(world_from_limb), -1, 3)
+    limb_of_point = np.repeat(np.arange(skeleton.n_limbs), len(offsets[0]))
     marked = replace(
         skeleton,
-        limb_of_marker=np.repeat(np.arange(skeleton.n_limbs), len(offsets[0])),
+        limb_of_marker=limb_of_point,
         marker_offsets=offsets.reshape(-1, 3),
-        marker_std=np.ones(offsets.size // 3),
+        marker_std=np.ones(len(limb_of_point)),
         offset_std=None,
-        marker_noise=None,
+        marker_noise=np.where(np.isin(limb_of_point, list(fixed)), 0.0, 1.0) if len(fixed) else None,
     )
     return solve(marked, points).world_from_limb
 

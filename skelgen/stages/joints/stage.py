@@ -11,6 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from skelgen.errors import InputError
+from skelgen.geometry.standing import fixed_limbs
 from skelgen.model import Limbs, Topology, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.model.topology import joint_children
@@ -26,7 +27,7 @@ from skelgen.stages.joints.parted import PartedBodies, parted_tree
 from skelgen.stages.joints.search import PairSearch, place_in_blocks, place_joints, positions_of_joints
 from skelgen.stages.joints.segments import Segment, make_segments, markers_of_limbs, sample_frames
 from skelgen.stages.joints.sliding import sliding_limbs, sliding_loop_notices
-from skelgen.stages.joints.still_limbs import fixed_limbs, n_moving_parts, still_limb_notices, still_limbs
+from skelgen.stages.joints.still_limbs import n_moving_parts, still_limb_notices, still_limbs
 from skelgen.stages.joints.tree import Tree, find_tree, stuck_joint_notices, tree_notices, undetermined_limb_notices
 from skelgen.stages.limbs import worn_neighbours
 

@@ -8,12 +8,9 @@ from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
+from skelgen.geometry.standing import STILL, variance_in_room
 from skelgen.model.arrays import Bools, Floats, Ints
-from skelgen.model.topology import limbs_of_bodies
 from skelgen.progress import listed
-
-STILL = 0.1
-"""Part of what limbs usually move in the room, below which a limb stands still."""
 
 LEAST_MARKERS = 5
 """Markers that move on what may be a body of its own; as many as bodies have that are found by distances."""
@@ -52,39 +49,9 @@ def still_limb_notices(markers: Sequence[Floats], edges: Ints) -> Iterator[str]:
 
 def still_limbs(markers: Sequence[Floats]) -> Bools:
     """Return which limbs stand still in the room, shape (n_limbs,); `markers` as for `still_limb_notices`."""
-    moved = np.array([_variance(limb) for limb in markers])
+    moved = np.array([variance_in_room(limb) for limb in markers])
     usual = np.median(moved[np.isfinite(moved)]) if np.isfinite(moved).any() else 0.0
     return np.asarray(moved < STILL**2 * usual)
-
-
-def fixed_limbs(markers: Sequence[Floats], parents: Ints) -> list[int]:
-    """Return the limbs that are fixed in the room, one of a tree at most: what a machine stands on is its root.
-
-    Beyond noise they move less than `STILL` times what every other limb of their tree does. Nobody's feet do so, unless
-    one of them never leaves its place and the other does.
-
-    Parameters
-    ----------
-    markers : sequence of ndarray, shape (n_frames, n_markers, 3), mm
-        As for `still_limb_notices`.
-    parents : ndarray of intp, shape (n_limbs,)
-        The trees, -1 for roots.
-    """
-    found = []
-    for limbs in limbs_of_bodies(parents):
-        moved = np.array([_variance(markers[limb]) for limb in limbs.tolist()])
-        first, *others = np.argsort(moved).tolist()
-        steps = np.diff(markers[limbs[first]], axis=0)
-        noise = np.nanmean(steps**2) / 2 if np.isfinite(steps).any() else 0.0  # von Neumann's, of what stands still
-        if others and moved[first] - noise < STILL**2 * moved[others[0]] < np.inf:
-            found.append(int(limbs[first]))
-    return found
-
-
-def _variance(markers: Floats) -> float:
-    """Mean variance of the coordinates of a limb's markers [mm^2]; infinite if none is seen."""
-    shown = markers[:, ~np.isnan(markers[:, :, 0]).all(axis=0)]
-    return float(np.nanvar(shown, axis=0).mean()) if shown.shape[1] else np.inf
 
 
 def n_moving_parts(markers: Sequence[Floats], edges: Ints) -> int:

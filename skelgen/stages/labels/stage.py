@@ -30,6 +30,7 @@ from skelgen.stages.labels.input_checks import (
     without_computed,
 )
 from skelgen.stages.labels.merging.bridges import with_bridges
+from skelgen.stages.labels.merging.fallen import without_fallen
 from skelgen.stages.labels.merging.followed import FollowedCloud
 from skelgen.stages.labels.merging.judging import MOST_EXISTENCE, better_labels, explains_more, has_too_many
 from skelgen.stages.labels.merging.leftovers import label_leftovers, label_rest
@@ -220,7 +221,8 @@ def _labelled(
         found, n_removed = _classic_markers(task, tracklets, monitor)
     else:
         del tracklets  # of long takes they are large
-        found = _markers(task, monitor)
+        found, fallen = _markers(task, monitor)
+        notices += fallen
         if parameters.compare and n_tracklets <= MOST_COMPARED:
             classic, _ = _classic_markers(task, _tracklets(take, parameters), monitor)
     found = point_labels.in_order_of_appearance(found)
@@ -274,15 +276,17 @@ def _classic_markers(task: LabelTask, tracklets: TrackletPoints, monitor: Monito
     return markers_by_sets(take.cloud, tracklets, task.n_markers, method, monitor)
 
 
-def _markers(task: LabelTask, monitor: Monitor) -> Ints:
+def _markers(task: LabelTask, monitor: Monitor) -> tuple[Ints, tuple[str, ...]]:
     """Marker of each point, -1 for none: tracklets are merged by their distances, then a skeleton labels all points.
+
+    Beside these, notices of markers that fell off, of which no points are followed from then on.
 
     Where more markers are found than are seen at once, shorter tracklets are merged limb by limb, too: from nothing,
     and by what the skeleton found if that leaves doubt. What gaps say of exchanges misleads where much is wrong, and is
     heard at last; in a take of few seconds all is sought with it, too. What explains the take best is kept.
     """
     monitor.begin("merging tracklets")
-    take = with_bridges(task.take)
+    take, fallen = without_fallen(with_bridges(task.take))
     task, tracklets = replace(task, take=take), _tracklets(take, task.parameters)
     group = merge_tracklets(take.cloud.points, tracklets, take.rate, take.spacing, monitor)
     start = _grouped(take, tracklets, group)
@@ -303,7 +307,7 @@ def _markers(task: LabelTask, monitor: Monitor) -> Ints:
     from skelgen.stages.labels.by_skeleton.again import label_again  # noqa: PLC0415 - it needs all stages
 
     found = label_again(take, label_rest(take, found), task.seed, monitor)
-    return found if task.n_markers is None else _most_seen(found, task.n_markers)
+    return found if task.n_markers is None else _most_seen(found, task.n_markers), fallen
 
 
 def _searched(task: LabelTask, start: Ints, pieces: PairTables | None, at_once: int, monitor: Monitor) -> Ints:

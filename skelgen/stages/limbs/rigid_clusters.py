@@ -7,7 +7,7 @@ With the noise of every marker given, a cluster costs, in nats per frame,
 
 over its d inner coordinates with variances :math:`\lambda_k` in units of the noise: what a rigid body fails to explain
 is a cost, each coordinate that it explains a gain, each cluster a cost. Complete linkage of the distances' variances
-gives a start. Clusters are then merged, markers moved and small clusters regrouped for as long as the cost falls. Limbs
+gives a start. Clusters are then merged, parted and regrouped, and markers moved, for as long as the cost falls. Limbs
 that are less rigid than the take's noise stay in several clusters; joining those is the next step (`merging`).
 """
 
@@ -42,15 +42,14 @@ noise all could be."""
 SUSPICIOUS = 4.0
 """A marker leaves its cluster only if some inner distance varies more than this, in units of its noise."""
 
-VARIES = 2.0
-"""A small cluster that is no rigid body is parted only if some inner distance varies more than this: those of a limb
-that is its mirror image for a while, as its labels are exchanged, do not."""
+FITS = 2.0
+"""A marker fits a cluster if no distance to it varies more than this, in units of its noise."""
 
 FAR_NEARER = 2.0
 """Times as near as its nearest mate must all markers be of a cluster to which a marker moves that fits both."""
 
 REGROUPED = 6
-"""Two neighbouring clusters with no more markers are regrouped in all ways: 31 of them."""
+"""A cluster, or two neighbouring ones, with no more markers are regrouped in all ways: 31 of them; else in one way."""
 
 CHANCE = 3.0
 """Standard deviations by which the logarithm of a coordinate's noise may be beyond the usual one. From .19 on all of
@@ -164,7 +163,7 @@ def find_rigid_clusters(
         Which markers share a limb, hence a cluster, and which do not.
     nearness : float
         Cost [nats] of a cluster that is e times as large: of two that motion explains alike, the smaller is likelier.
-        With 0 small clusters that are no rigid body are not parted in all ways, either: motion alone errs with some.
+        With 0 clusters are not parted in two, either: motion alone errs with some.
     margin : float
         Part of `GAIN` and `CLUSTER_COST` that is needed.
     """
@@ -228,7 +227,7 @@ class _Search:
         apart = distances + np.diag(np.full(len(distances), np.inf))
         own = -largest_by_label(-apart, labels)[np.arange(len(labels)), labels]  # from the nearest mate
         is_nearer = largest_by_label(distances, labels) * FAR_NEARER < own[:, np.newaxis]
-        is_nearer &= largest_by_label(self._ratio, labels) <= VARIES
+        is_nearer &= largest_by_label(self._ratio, labels) <= FITS
         for marker, cluster in np.argwhere(is_nearer).tolist():
             rest = _without(self.clusters[labels[marker]], (marker,))
             other, is_free = self.clusters[cluster], len(self._block_of[marker]) == 1
@@ -258,21 +257,19 @@ class _Search:
             yield (index, other), [rest, _union(self.clusters[other], block)]
 
     def _regroupings(self) -> Iterator[Change]:
-        """Small clusters that are no rigid body after all, in two, and pairs of neighbours in all ways.
+        """Clusters in two, and pairs of neighbours otherwise.
 
-        Motions across the line between two limbs hardly change distances, and linkage takes these limbs for one.
+        Small turns, and motions across the line between two limbs, hardly change distances: linkage takes these limbs
+        for one, which no single marker leaves to anyone's gain.
         """
         if self._by_size is not None:
             for index, cluster in enumerate(self.clusters):
-                varies = self._ratio[np.ix_(cluster, cluster)].max() > VARIES and self._costs[cluster] > self._cluster
-                if 3 < len(cluster) <= REGROUPED and varies:
+                if len(cluster) > 3:
                     yield from (((index,), parts) for parts in self._ways_of(cluster))
         labels = self._labels()
         least = -largest_by_label(largest_by_label(-self._ratio, labels).T, labels)
         for first, second in _near_pairs(least, SUSPICIOUS):
             both = _union(self.clusters[first], self.clusters[second])
-            if len(both) > REGROUPED:
-                continue
             for parts in self._ways_of(both):
                 yield (first, second), parts
 
@@ -282,6 +279,9 @@ class _Search:
         return self._ways[markers]
 
     def _ways_to_split(self, markers: Group) -> Iterator[list[Group]]:
+        if len(markers) > REGROUPED:
+            yield from self._cut(markers)
+            return
         blocks = sorted({self._block_of[marker] for marker in markers})
         wide = [pair for pair in combinations(markers, 2) if self._ratio[pair] > MERGED]
         for size in range(len(blocks) - 1):
@@ -289,6 +289,15 @@ class _Search:
                 one: Group = tuple(sorted(blocks[0] + tuple(marker for block in added for marker in block)))
                 if not any((first in one) == (second in one) for first, second in wide):
                     yield [one, _without(markers, one)]
+
+    def _cut(self, markers: Group) -> Iterator[list[Group]]:
+        """Part markers between which distances vary most: by the signs of the vector to which these add up most."""
+        excess = np.minimum(self._ratio[np.ix_(markers, markers)], MERGED) - 1.0
+        np.fill_diagonal(excess, 0.0)
+        signs = dict(zip(markers, np.linalg.eigh(excess)[1][:, 0] > 0, strict=True))
+        one = tuple(marker for marker in markers if signs[self._block_of[marker][0]])
+        if 0 < len(one) < len(markers):
+            yield [one, _without(markers, one)]
 
     def _labels(self) -> Ints:
         labels = np.empty(len(self._ratio), dtype=np.intp)

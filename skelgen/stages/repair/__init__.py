@@ -1,6 +1,6 @@
-"""Errors of labels that a take came with: exchanged and moved labels are given back, slipped markers are split.
+"""Errors of labels that a take came with: exchanged and moved labels are given back, markers that slipped are split.
 
-Gaps that a program filled are gaps again.
+Markers that fell off are left out from then on, and gaps that a program filled are gaps again.
 """
 
 from dataclasses import dataclass
@@ -9,6 +9,7 @@ from skelgen.model import Trajectories
 from skelgen.model.labelling import Finding
 from skelgen.progress import SILENT, Monitor, counted
 from skelgen.stages.repair.exchange_evidence import robust_limbs
+from skelgen.stages.repair.falls import find_falls, without_fallen
 from skelgen.stages.repair.fills import Fill, find_fills, without_fills
 from skelgen.stages.repair.moves import find_moves, undo_moves
 from skelgen.stages.repair.slips import Slip, find_slips, new_names, split_slipped
@@ -87,8 +88,10 @@ def repair_take(
     if not parameters.repair:
         monitor.notice("the markers are labelled already: this stage is skipped")
         return Repair(trajectories)
-    fills = find_fills(trajectories) if parameters.fills else ()
-    measured = without_fills(trajectories, fills)
+    falls = find_falls(trajectories)
+    attached = without_fallen(trajectories, falls)
+    fills = find_fills(attached) if parameters.fills else ()
+    measured = without_fills(attached, fills)
     limbs = robust_limbs(measured)
     swaps = find_swaps(measured, parameters.swap_evidence, limbs=limbs, monitor=monitor)
     repaired = repair_swaps(measured, swaps)
@@ -97,10 +100,11 @@ def repair_take(
     slips = find_slips(repaired, parameters.slip_seconds, parameters.slip_evidence) if parameters.slips else ()
     found = [fill.finding for fill in fills] + [swap.finding for swap in swaps] + [move.finding for move in moves]
     names, last = new_names(repaired.names, slips), repaired.n_frames - 1
+    found += [one.finding(last) for one in falls]
     found += [slip.finding(last, names.get(slip, "")) for slip in slips]
     findings = tuple(sorted(found, key=lambda one: (one.kind == "filled", one.first_frame, one.names)))
     repaired = split_slipped(repaired, slips)
-    monitor.notice(f"the markers are labelled already: {_outcome(len(swaps), len(moves), slips)}")
+    monitor.notice(f"the markers are labelled already: {_outcome(len(swaps), len(moves), len(falls), slips)}")
     if fills:
         monitor.notice(_told(fills, trajectories))
     for sentence in repaired.notices[len(trajectories.notices) :]:
@@ -110,13 +114,15 @@ def repair_take(
     return Repair(repaired, findings)
 
 
-def _outcome(n_swaps: int, n_moves: int, slips: tuple[Slip, ...]) -> str:
+def _outcome(n_swaps: int, n_moves: int, n_falls: int, slips: tuple[Slip, ...]) -> str:
     n_split = sum(slip.sure for slip in slips)
     exchanges = counted(n_swaps, "exchange of labels is", "exchanges of labels are")
     parts = [f"{exchanges} repaired" if n_swaps else "no exchanged labels are found"]
     if n_moves:
         others = counted(n_moves, "label on another marker is", "labels on other markers are")
         parts.append(f"{others} given back")
+    if n_falls:
+        parts.append(f"{counted(n_falls, 'marker is', 'markers are')} left out from where they fall off")
     if n_split:
         parts.append(f"{counted(n_split, 'slipped marker is', 'slipped markers are')} split")
     if len(slips) > n_split:

@@ -277,3 +277,19 @@ def test_a_marker_on_the_axis_of_two_limbs_is_on_the_far_nearer_one(same_partiti
     positions += np.random.default_rng(0).normal(0, 0.4, positions.shape)
     take = Trajectories(positions, tuple(f"M{number}" for number in range(10)), 100.0)
     assert same_partition(find_limbs(take).limb_of_marker, np.repeat([0, 1, 2], [4, 3, 3]))
+
+
+@pytest.mark.parametrize(("n_markers", "degrees"), [((5, 4), 4), ((6, 5), 3)])
+def test_a_joint_that_turns_by_few_degrees_parts_limbs_of_many_markers(same_partition, n_markers, degrees):
+    """A flat hand that turns by few degrees to either side, a forearm, and the base of both; 0.3 mm noise."""
+    rng, seconds = np.random.default_rng(2), np.arange(1000) / 100
+    limb_of_marker = np.repeat([0, 1, 2], (*n_markers, 4))
+    middles, sizes = [[0, 110, 0], [0, 280, 0], [0, -120, 0]], [[60, 220, 60], [50, 50, 4], [100, 100, 100]]
+    places = rng.uniform(-0.5, 0.5, (len(limb_of_marker), 3)) * np.array(sizes)[limb_of_marker]
+    positions = np.tile(places + np.array(middles)[limb_of_marker], (1000, 1, 1))
+    for first, along, turn in ((1, 240, degrees * np.sin(3 * seconds)), (0, -10, 40 * np.sin(2 * seconds))):
+        moved, hinge = np.isin(limb_of_marker, [first, 1]), np.array([0.0, along, 0.0])
+        turns = Rotation.from_rotvec(np.outer(turn, [1.0, 0.0, 0.0]), degrees=True).as_matrix()
+        positions[:, moved] = (positions[:, moved] - hinge) @ turns.swapaxes(1, 2) + hinge
+    take = Trajectories(positions + rng.normal(0, 0.3, positions.shape), [f"m{i}" for i in range(len(places))], 100.0)
+    assert same_partition(find_limbs(take).limb_of_marker, limb_of_marker)

@@ -1,0 +1,110 @@
+"""What stands still in the room while other things move: markers that rest, and limbs that are fixed.
+
+What is fixed shows white noise: its successive differences have twice the variance of its positions, von Neumann's
+ratio (Annals of Mathematical Statistics 12, 1941). A body that holds still sways, however little: its ratio is lower.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from skelgen.model.arrays import Floats, Ints
+from skelgen.model.topology import limbs_of_bodies
+
+STILL = 0.1
+"""Part of what limbs usually move in the room, below which a limb stands still."""
+
+STILL_SECONDS = 2.0
+"""s; shorter rests do not count."""
+
+_END_SECONDS = 1.0
+"""s; the end of a path, from which place and noise of the marker are estimated."""
+
+_OFF_PLACE = 5.0
+"""Standard deviations of the noise; a resting marker is never farther from its place."""
+
+_ROUNDING = 1e-3
+"""mm; resolution of positions in files: less noise than that counts as none."""
+
+_WHITE = 3.0
+"""Standard deviations by which the ratio of white noise may be below 2."""
+
+
+def rest_begins(path: Floats, rate: float) -> int | None:
+    """Return the frame from which on a marker stands still; None if it does not, or not for long.
+
+    Parameters
+    ----------
+    path : ndarray, shape (n_frames, 3), mm
+        Its positions; NaN where unseen.
+    rate : float, Hz
+        Frame rate.
+    """
+    frames = np.flatnonzero(~np.isnan(path[:, 0]))
+    path, least = path[frames], max(3, round(STILL_SECONDS * rate))
+    if len(path) < least:
+        return None
+    end = path[-max(3, round(_END_SECONDS * rate)) :]
+    place = np.median(end, axis=0)
+    noise = float(np.sqrt(np.square(end - place).mean()))
+    limit = _OFF_PLACE * noise + _ROUNDING
+    if np.abs(path[-least:] - place).max() > limit:  # of most markers, without a look at all of a long take
+        return None
+    away = np.flatnonzero(np.abs(path - place).max(axis=1) > limit)
+    begin = int(away[-1]) + 1 if len(away) else 0
+    return int(frames[begin]) if _is_white(path[begin:]) else None
+
+
+def _is_white(path: Floats) -> bool:
+    """Whether positions (n, 3) vary by noise alone."""
+    variance = float(path.var(axis=0).sum())
+    if variance <= _ROUNDING**2:
+        return True
+    ratio = float(np.square(np.diff(path, axis=0)).mean(axis=0).sum()) / variance
+    return bool(ratio > 2.0 - _WHITE * 2.0 / np.sqrt(len(path)))
+
+
+def fixed_limbs(markers: Sequence[Floats], parents: Ints) -> list[int]:
+    """Return the limbs that are fixed in the room, one of a tree at most: what a machine stands on is its root.
+
+    Beyond noise they move less than `STILL` times what every other limb of their tree does. Nobody's feet do so, unless
+    one of them never leaves its place and the other does.
+
+    Parameters
+    ----------
+    markers : sequence of ndarray, shape (n_frames, n_markers, 3), mm
+        World positions of the markers of each limb; NaN where unseen.
+    parents : ndarray of intp, shape (n_limbs,)
+        The trees, -1 for roots.
+    """
+    found = []
+    for limbs in limbs_of_bodies(parents):
+        moved = np.array([variance_in_room(markers[limb]) - noise_of(markers[limb]) ** 2 for limb in limbs.tolist()])
+        first, *others = np.argsort(moved).tolist()
+        if others and moved[first] < STILL**2 * moved[others[0]] < np.inf:
+            found.append(int(limbs[first]))
+    return found
+
+
+def variance_in_room(markers: Floats) -> float:
+    """Return the mean variance of the coordinates of a limb's markers [mm^2]; infinite if none is seen.
+
+    Parameters
+    ----------
+    markers : ndarray, shape (n_frames, n_markers, 3), mm
+        NaN where unseen.
+    """
+    shown = markers[:, ~np.isnan(markers[:, :, 0]).all(axis=0)]
+    return float(np.nanvar(shown, axis=0).mean()) if shown.shape[1] else np.inf
+
+
+def noise_of(positions: Floats) -> float:
+    """Return the white noise [mm] of coordinates by their successive differences: of what moves smoothly, almost 0.
+
+    Parameters
+    ----------
+    positions : ndarray, shape (n_frames, ...), mm
+        NaN where unseen.
+    """
+    steps = np.diff(positions, axis=0)
+    return float(np.sqrt(np.nanmean(steps**2) / 2)) if np.isfinite(steps).any() else 0.0
