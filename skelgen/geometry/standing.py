@@ -14,6 +14,9 @@ from skelgen.model.topology import limbs_of_bodies
 STILL = 0.1
 """Part of what limbs usually move in the room, below which a limb stands still."""
 
+STEADY = 0.2
+"""mm; feet that stand sway by more."""
+
 STILL_SECONDS = 2.0
 """s; shorter rests do not count."""
 
@@ -77,13 +80,25 @@ def fixed_limbs(markers: Sequence[Floats], parents: Ints) -> list[int]:
     parents : ndarray of intp, shape (n_limbs,)
         The trees, -1 for roots.
     """
+    moved = np.array([variance_in_room(limb) - noise_of(limb) ** 2 for limb in markers])
     found = []
     for limbs in limbs_of_bodies(parents):
-        moved = np.array([variance_in_room(markers[limb]) - noise_of(markers[limb]) ** 2 for limb in limbs.tolist()])
-        first, *others = np.argsort(moved).tolist()
+        first, *others = limbs[np.argsort(moved[limbs])].tolist()
         if others and moved[first] < STILL**2 * moved[others[0]] < np.inf:
-            found.append(int(limbs[first]))
+            found.append(first)
     return found
+
+
+def is_steady(markers: Floats) -> bool:
+    """Return whether a limb shows noise alone, or so little else that nobody stands as still.
+
+    Parameters
+    ----------
+    markers : ndarray, shape (n_frames, n_markers, 3), mm
+        NaN where unseen.
+    """
+    noise = noise_of(markers) ** 2
+    return variance_in_room(markers) - noise < max(noise, STEADY**2)
 
 
 def variance_in_room(markers: Floats) -> float:

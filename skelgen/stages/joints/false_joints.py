@@ -71,19 +71,19 @@ class Parting:
     slides: Mapping[Pair, float] = field(default_factory=dict)
     strangers: Sequence[int] = ()
 
-    def beside(self, fixed: Sequence[int], parents: Ints) -> Parting:
-        """Return this with limbs that are fixed in the room as strangers, where they are no segments of a person.
+    def beside(self, steady: Bools, parents: Ints) -> Parting:
+        """Return this with limbs as strangers that are no segments of the person in whose tree they are, but the room.
 
         Parameters
         ----------
-        fixed : sequence of int
-            As `fixed_limbs` returns.
+        steady : ndarray of bool, shape (n_limbs,)
+            As `is_steady` returns.
         parents : ndarray of intp, shape (n_limbs,)
-            The trees in which they are.
+            The trees.
         """
         is_segment = np.asarray(self.of_one.any(axis=1))
-        of_people = [limbs for limbs in limbs_of_bodies(parents) if np.mean(is_segment[limbs]) > MOST]
-        strangers = [limb for limb in fixed if not is_segment[limb] and any(limb in limbs for limbs in of_people)]
+        people = [limbs for limbs in limbs_of_bodies(parents) if np.mean(is_segment[limbs]) > MOST]
+        strangers = [limb for limbs in people for limb in limbs[steady[limbs] & ~is_segment[limbs]].tolist()]
         return replace(self, strangers=strangers)
 
 

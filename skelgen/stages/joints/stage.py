@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from skelgen.errors import InputError
-from skelgen.geometry.standing import fixed_limbs
+from skelgen.geometry.standing import fixed_limbs, is_steady
 from skelgen.model import Limbs, Topology, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.model.topology import joint_children
@@ -149,8 +149,9 @@ class JointSearch:
         stated = stated.seen(costs.order, monitor)
         parting = self._parting(guesses, odds, worn) if parameters.separate else None
         tree = find_tree(costs, guesses, n_markers, stated, parting)
-        fixed = fixed_limbs([segment.markers for segment in segments], tree.parents)
-        parting = parting.beside(fixed, tree.parents) if parting else None
+        markers = [segment.markers for segment in segments]
+        fixed = fixed_limbs(markers, tree.parents)
+        parting = parting.beside(np.array([is_steady(limb) for limb in markers]), tree.parents) if parting else None
         if (tree.parents[fixed] >= 0).any() or (parting and parting.strangers):
             rooted = replace(stated, roots=(*stated.roots, *fixed))
             tree = find_tree(costs, guesses, n_markers, rooted, parting)
@@ -168,7 +169,7 @@ class JointSearch:
         notices += sliding_loop_notices(parting.slides if parting else {}, tree.parents, loops)
         notices += undetermined_limb_notices(placed)
         notices += still_limb_notices(
-            [segment.markers for segment in segments],
+            markers,
             np.concatenate([topology.edges, np.reshape(topology.loops, (-1, 2)).astype(np.intp)]),
         )
         if parameters.solver == "conjugate-gradient":

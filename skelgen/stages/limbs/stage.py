@@ -28,11 +28,10 @@ from skelgen.stages.limbs.bodies import (
 from skelgen.stages.limbs.checks import limb_notices
 from skelgen.stages.limbs.held_bodies import with_held_bodies
 from skelgen.stages.limbs.membership import memberships
-from skelgen.stages.limbs.merging import Distances, rigid_bodies
+from skelgen.stages.limbs.merging import Distances, majority, rigid_bodies
 from skelgen.stages.limbs.parameters import LimbConstraints, LimbParameters, MarkerConstraints
 from skelgen.stages.limbs.relative_motion import Movements
 from skelgen.stages.limbs.revision import deformation, is_worn, pair_odds, plates, revised
-from skelgen.stages.limbs.rigid_clusters import majority
 from skelgen.stages.limbs.worn_places import with_whole_people
 
 HALF_WEIGHT = 20

@@ -15,8 +15,8 @@ from skelgen.simulation.articulated import Structure
 from skelgen.simulation.structures import find_structure
 from skelgen.stages.classic.spectral import aligned_count
 from skelgen.stages.limbs import LimbConstraints, LimbParameters, find_limbs
+from skelgen.stages.limbs.merging import majority
 from skelgen.stages.limbs.relative_motion import Movements
-from skelgen.stages.limbs.rigid_clusters import majority
 
 TISSUE = {"n_frames": 1000, "noise": 0.5, "soft_tissue": 3.0}
 EXACT = 1e-9  # mm^2, of distances of some 100 mm in double precision

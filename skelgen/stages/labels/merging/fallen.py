@@ -37,8 +37,10 @@ def without_fallen(take: FollowedCloud) -> tuple[FollowedCloud, tuple[str, ...]]
     high = np.array([take.cloud.points[points].max(axis=0) for points in pieces]).reshape(-1, 3)
     for number, points in enumerate(pieces):
         place = take.cloud.points[points[-1]]
-        lies = ((place - low < SAME_PLACE) & (high - place < SAME_PLACE)).all(axis=1) & (first > last[number])
-        rest = np.concatenate([points, *(pieces[other] for other in np.flatnonzero(lies).tolist())])
+        lies = ((place - low < SAME_PLACE) & (high - place < SAME_PLACE)).all(axis=1)
+        if (lies & (last < first[number])).any():  # it has lain there before
+            continue
+        rest = np.concatenate([points, *(pieces[other] for other in np.flatnonzero(lies & (first > last[number])))])
         if len(rest) < STILL_SECONDS * take.rate or track[points[-1]] < 0 or take.is_fixed[rest].any():
             continue
         is_before = (last < first[number]) & (last >= first[number] - LOST_SECONDS * take.rate)
