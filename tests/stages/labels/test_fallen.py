@@ -31,7 +31,7 @@ def test_what_has_lain_there_before_has_not_fallen(fallen):
     (n_frames, n_markers, _), marker = take.positions.shape, take.names.index("head 1")
     positions, tracks = take.positions.copy(), np.tile(np.arange(n_markers), (n_frames, 1))
     positions[:50, 0] = positions[-1, marker]
-    tracks[:50, 0] = n_markers
+    tracks[FALL_FRAME + 30 :, marker], tracks[:50, 0] = n_markers, n_markers + 1
     cloud = PointCloud(positions.reshape(-1, 3), np.arange(n_frames + 1) * n_markers, take.times)
     found, notices = without_fallen(FollowedCloud(cloud, tracks.ravel(), take.rate, 100.0))
     assert not notices and np.array_equal(found.track_of_point, tracks.ravel())
