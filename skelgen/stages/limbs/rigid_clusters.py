@@ -163,7 +163,7 @@ def find_rigid_clusters(
         Which markers share a limb, hence a cluster, and which do not.
     nearness : float
         Cost [nats] of a cluster that is e times as large: of two that motion explains alike, the smaller is likelier.
-        With 0 clusters are not parted in two, either: motion alone errs with some.
+        With 0 clusters are not parted in two, and only small ones regrouped: motion alone errs with some.
     margin : float
         Part of `GAIN` and `CLUSTER_COST` that is needed.
     """
@@ -270,6 +270,8 @@ class _Search:
         least = -largest_by_label(largest_by_label(-self._ratio, labels).T, labels)
         for first, second in _near_pairs(least, SUSPICIOUS):
             both = _union(self.clusters[first], self.clusters[second])
+            if len(both) > REGROUPED and self._by_size is None:
+                continue
             for parts in self._ways_of(both):
                 yield (first, second), parts
 
