@@ -46,7 +46,7 @@ def find_falls(trajectories: Trajectories) -> tuple[FallenMarker, ...]:
     Parameters
     ----------
     trajectories : Trajectories
-        Labelled markers without exchanged labels.
+        Labelled markers.
     """
     found, positions = [], trajectories.positions
     for marker, name in enumerate(trajectories.names):
