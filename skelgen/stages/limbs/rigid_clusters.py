@@ -43,7 +43,8 @@ SUSPICIOUS = 4.0
 """A marker leaves its cluster only if some inner distance varies more than this, in units of its noise."""
 
 FITS = 2.0
-"""A marker fits a cluster if no distance to it varies more than this, in units of its noise."""
+"""A marker fits a cluster if no distance to it varies more than this, in units of its noise. A small cluster in which
+none does is not parted: those of a limb that is its mirror image for a while, as its labels are exchanged, do not."""
 
 FAR_NEARER = 2.0
 """Times as near as its nearest mate must all markers be of a cluster to which a marker moves that fits both."""
@@ -264,7 +265,8 @@ class _Search:
         """
         if self._by_size is not None:
             for index, cluster in enumerate(self.clusters):
-                if len(cluster) > 3:
+                varies = self._ratio[np.ix_(cluster, cluster)].max() > FITS and self._costs[cluster] > self._cluster
+                if len(cluster) > (3 if varies else REGROUPED):
                     yield from (((index,), parts) for parts in self._ways_of(cluster))
         labels = self._labels()
         least = -largest_by_label(largest_by_label(-self._ratio, labels).T, labels)
