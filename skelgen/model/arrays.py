@@ -350,3 +350,9 @@ def runs_of(values: Bools) -> list[tuple[int, int]]:
     """Return the first index of each run of true values, shape (n,), and that behind its last."""
     steps = np.flatnonzero(np.diff(np.concatenate([[False], values, [False]]).astype(np.int8)))
     return [(int(start), int(stop)) for start, stop in steps.reshape(-1, 2)]
+
+
+def rows_of_each(values: Ints) -> list[Ints]:
+    """Return the rows of each value that occurs, shapes (n_rows,), in the order of values and of rows."""
+    order = np.argsort(values, kind="stable")
+    return np.split(order, np.flatnonzero(np.diff(values[order])) + 1) if len(order) else []

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from skelgen.model import Skeleton
-from skelgen.model.arrays import Floats, Ints
+from skelgen.model.arrays import Floats, Ints, rows_of_each
 from skelgen.stages.labels import FollowedPoints, SkeletonPoses
 
 LEAST_FRAMES = 30
@@ -96,8 +96,8 @@ def _alone(points: FollowedPoints, marker_of_point: Ints, poses: SkeletonPoses, 
     left = np.flatnonzero((marker_of_point < 0) & (points.tracks >= 0))
     lengths = np.bincount(points.tracks[points.tracks >= 0])
     is_there, found = poses.seen.any(axis=0), []
-    order = left[np.argsort(points.tracks[left], kind="stable")]
-    for some in np.split(order, np.flatnonzero(np.diff(points.tracks[order])) + 1) if len(order) else []:
+    for rows in rows_of_each(points.tracks[left]):
+        some = left[rows]
         if len(some) < max(LEAST_FRAMES, MOVED_SHARE * lengths[points.tracks[some[0]]]):
             continue
         frames = points.frames[some]

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from skelgen.model import Skeleton
-from skelgen.model.arrays import Floats, Ints, spread_frames
+from skelgen.model.arrays import Floats, Ints, rows_of_each, spread_frames
 from skelgen.progress import SILENT, Monitor
 from skelgen.stages.labels.by_skeleton.points import FollowedPoints
 from skelgen.stages.labels.by_skeleton.posing import SkeletonPoses, pose_skeleton
@@ -197,9 +197,7 @@ def _reassigned(points: FollowedPoints, marker_of_point: Ints, predicted: Floats
     free = np.flatnonzero((kept < 0) & (points.tracks >= 0))
     taken = np.zeros(predicted.shape[:2], dtype=np.bool_)
     taken[points.frames[kept >= 0], kept[kept >= 0]] = True
-    for some in np.split(free, np.flatnonzero(np.diff(points.frames[free])) + 1):
-        if not len(some):
-            continue
+    for some in (free[of_frame] for of_frame in rows_of_each(points.frames[free])):
         frame = int(points.frames[some[0]])
         markers = np.flatnonzero(~taken[frame] & ~np.isnan(predicted[frame, :, 0]))
         apart = np.linalg.norm(points.cloud.points[some, np.newaxis] - predicted[frame, markers], axis=2)

@@ -7,7 +7,7 @@ import numpy as np
 
 from skelgen.geometry.falling import Fall, find_fall, has_left, moments_of
 from skelgen.geometry.standing import STILL_SECONDS
-from skelgen.model.arrays import Ints
+from skelgen.model.arrays import Ints, rows_of_each
 from skelgen.stages.labels.merging.followed import FollowedCloud
 from skelgen.stages.labels.point_labels import sampled_positions
 
@@ -29,9 +29,8 @@ def without_fallen(take: FollowedCloud) -> tuple[FollowedCloud, tuple[str, ...]]
     if take.is_very_long:
         return take, ()
     track, frame, notices = take.track_of_point.copy(), take.frame_of_point(), list[str]()
-    order = np.argsort(track, kind="stable")
-    ends = np.searchsorted(track[order], np.arange(track.max(initial=-1) + 1))
-    pieces = [points for points in np.split(order, ends)[1:] if len(points)]
+    followed = np.flatnonzero(track >= 0)
+    pieces = [followed[rows] for rows in rows_of_each(track[followed])]
     first, last = (np.array([frame[points[end]] for points in pieces], dtype=np.intp) for end in (0, -1))
     low = np.array([take.cloud.points[points].min(axis=0) for points in pieces]).reshape(-1, 3)
     high = np.array([take.cloud.points[points].max(axis=0) for points in pieces]).reshape(-1, 3)

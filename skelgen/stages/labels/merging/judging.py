@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from skelgen.model import PointCloud
-from skelgen.model.arrays import Ints
+from skelgen.model.arrays import Ints, rows_of_each
 from skelgen.stages.labels import point_labels
 from skelgen.stages.labels.merging.followed import FollowedCloud
 
@@ -155,5 +155,4 @@ def _parts(take: FollowedCloud, found: Ints, other: Ints) -> list[Ints]:
     size = int(span[-1] + 1) * n_markers
     linked = coo_array((np.ones(len(points)), tuple(pairs)), shape=(size, size))
     part = connected_components(linked, directed=False)[1][pairs[0]]
-    order = np.argsort(part, kind="stable")
-    return np.split(points[order], np.flatnonzero(np.diff(part[order])) + 1)
+    return [points[rows] for rows in rows_of_each(part)]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skelgen.model.arrays import Floats, Ints
+from skelgen.model.arrays import Floats, Ints, rows_of_each
 from skelgen.stages.labels.explanations import Explanations
 from skelgen.stages.labels.model_fit.model import LimbPoses, steadiest_place
 from skelgen.stages.labels.point_labels import Block
@@ -232,9 +232,9 @@ class NewMarkers:
         poses : LimbPoses
             Where limbs are in the block.
         """
-        order = free[tracks[free] >= 0]
-        order = order[np.argsort(tracks[order], kind="stable")]
-        for members in np.split(order, np.flatnonzero(np.diff(tracks[order])) + 1):
+        followed = free[tracks[free] >= 0]
+        for rows in rows_of_each(tracks[followed]):
+            members = followed[rows]
             if len(members) < LEAST_FRAMES:
                 continue
             frames = block.frames[members]
