@@ -27,10 +27,7 @@ _COMMENTS, _DELIMITERS = ("#", "%", "//"), ";\t,"
 _FEWEST_FRAMES, _FEWEST_POINTS, _MOST_COUNTS = 8, 4, 2  # the latter on either side
 _LOOKED_AT = 64  # frames, and points
 _EVEN = 1e-2  # of their median, that steps of frames or times differ by
-_RIGID, _SURELY_OTHER = (
-    0.1,
-    0.005,
-)  # of distances to the nearest companion: they vary by so much, or are of other points
+_RIGID, _SURELY_OTHER = 0.1, 0.005  # of distances to a companion: they vary by so much, or are of other points
 _CLEARER = 2.0  # how much more than in the best layout they vary in others
 _MOVING = 0.2  # of how far the point moves that moves most
 _SURE = 2.0  # the largest that says how sure a point is: 0, 1 and 2 of a Kinect

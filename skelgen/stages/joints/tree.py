@@ -89,16 +89,16 @@ def find_tree(
     direct = past_single_markers(parents, replace(costs, order=allowed), markers, constraints.joined)
     if direct is not None:
         parents = spanning_forest(np.where(direct, allowed, np.inf), markers, constraints.roots)
-    false = [] if parting is None else false_joints(parents, costs, guesses, parting)
+    if parting is None:
+        return Tree(parents, known, [])
+    false = false_joints(parents, costs, guesses, parting)
     cut = [edge for edge in false if (min(edge), max(edge)) not in constraints.joined]
     if not cut:
         return Tree(parents, known, [])
     edges = _edges_of(parents)
     for parent, child in cut:
         edges[parent, child] = edges[child, parent] = False
-    slides = (
-        {} if parting is None else {edge: one for edge in cut if (one := slide_across(edge, parents, parting.slides))}
-    )
+    slides = {edge: slide for edge in cut if (slide := slide_across(edge, parents, parting.slides))}
     return Tree(spanning_forest(np.where(edges, allowed, np.inf), markers, constraints.roots), known, cut, slides)
 
 
