@@ -80,6 +80,13 @@ def test_labels_that_this_take_contradicts_by_far_are_put_right(quadruped):
     assert (refit(quadruped, exchanged) == truth).mean() > 0.99
 
 
+def test_markers_of_a_limb_that_are_exchanged_all_the_time_are_told_apart_by_the_other_take(quadruped):
+    truth = quadruped.truth.marker_of_point
+    first, second = np.flatnonzero(quadruped.truth.limb_of_marker == 3)[:2]
+    exchanged = np.where(truth == first, second, np.where(truth == second, first, truth))
+    np.testing.assert_array_equal(refit(quadruped, exchanged), truth)
+
+
 def test_labels_that_cannot_be_bettered_stay(quadruped):
     truth = quadruped.truth.marker_of_point
     np.testing.assert_array_equal(refit(quadruped, truth), truth)
