@@ -116,7 +116,7 @@ def label_by_subject(
         )
     if not points.names:
         by_body = _body_by_body(calibrated, skeleton)
-        refit = refit_labels(points.cloud, points.tracks, placed, by_body, parameters, monitor)
+        refit = refit_labels(points, placed, skeleton, by_body, parameters, monitor)
         if not np.array_equal(refit, placed):
             placed, poses = refit, pose_skeleton(skeleton, points.positions(refit, len(names)), monitor=monitor)
     names_of_tracks = {index: names.index(name) for index, name in enumerate(points.names) if name in names}

@@ -4,17 +4,20 @@ A skeleton of another take says which marker a point is. Where markers are when 
 this take tells: a skeleton is fitted to it (`model_fit`). A marker that a joint alone holds has no place by either, but
 distances that it keeps. And where several markers were hidden at once, the pose of a skeleton follows what was taken
 for them wrongly, and proves it right. So moments of the other take stand before this one, with markers that are known
-(`merging.followed`), and all that puts labels of a take right by their distances (`merging.turns`) does so here.
+(`merging.followed`), and all that puts labels of a take right by their distances (`merging.turns`) does so here. Where
+that changes much, the skeleton that is known is posed by the new labels, and it begins anew, until nothing is gained.
 """
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from skelgen.model import PointCloud, Trajectories
+from skelgen.model import PointCloud, Skeleton, Trajectories
 from skelgen.model.arrays import Ints, spread_frames
 from skelgen.progress import SILENT, Monitor
 from skelgen.stages.labels import point_labels
+from skelgen.stages.labels.by_skeleton.matching import pose_and_reassign
+from skelgen.stages.labels.by_skeleton.points import FollowedPoints
 from skelgen.stages.labels.input_checks import frame_rate
 from skelgen.stages.labels.merging.continuity import LONGEST
 from skelgen.stages.labels.merging.followed import FollowedCloud
@@ -29,16 +32,22 @@ from skelgen.stages.labels.tracking.statistics import typical_spacing
 MOST_KNOWN = 200
 """Moments of the other take that are compared with, spread over it."""
 
+MOST_TURNS = 4
+"""A guard: most takes need one or two."""
+
+UNCHANGED = 0.01
+"""Part of all points; when fewer change their marker, the turns end."""
+
 
 def refit_labels(
-    cloud: PointCloud,
-    tracks: Ints,
+    points: FollowedPoints,
     marker_of_point: Ints,
+    skeleton: Skeleton,
     calibrated: Trajectories,
     parameters: LabelParameters,
     monitor: Monitor = SILENT,
 ) -> Ints:
-    """Label what a skeleton that is fitted to this take tells, and put all labels right by the distances of both takes.
+    """Improve labels by a skeleton that is fitted to this take and by distances of both takes, until nothing is gained.
 
     What the fitted skeleton says is added; labels are changed by it only where that explains the take better by more
     than chance: distances within the take hardly tell two markers from each other that are exchanged on a limb that
@@ -46,12 +55,12 @@ def refit_labels(
 
     Parameters
     ----------
-    cloud : PointCloud
-        The take.
-    tracks : ndarray of intp, shape (n_points,)
-        Track of each point, -1 for none.
+    points : FollowedPoints
+        The take, without names.
     marker_of_point : ndarray of intp, shape (n_points,)
         Marker of each point by the labels so far, -1 for none.
+    skeleton : Skeleton
+        Calibrated on the other take.
     calibrated : Trajectories
         The same markers in the other take; bodies whose poses do not belong together are seen in frames of their own.
     parameters : LabelParameters
@@ -64,10 +73,20 @@ def refit_labels(
     ndarray of intp, shape (n_points,)
         Marker of each point by the same numbers, -1 for none.
     """
-    rate, _ = frame_rate(cloud, parameters)
-    take = FollowedCloud(cloud, tracks.astype(np.int32), rate, typical_spacing(cloud))
-    best = _fitted(LabelTask(take, parameters), marker_of_point.astype(np.int32), calibrated.n_markers, monitor)
-    return _TwoTakes.of(take, calibrated).put_right(best)
+    rate, _ = frame_rate(points.cloud, parameters)
+    take = FollowedCloud(points.cloud, points.tracks.astype(np.int32), rate, typical_spacing(points.cloud))
+    task, takes = LabelTask(take, parameters), _TwoTakes.of(take, calibrated)
+    before, best, evidence = marker_of_point, marker_of_point, -np.inf
+    for _ in range(MOST_TURNS):
+        fitted = _fitted(task, before.astype(np.int32), calibrated.n_markers, monitor)
+        found = takes.put_right(fitted).astype(np.intp)
+        if (more := takes.evidence(found)) <= evidence:
+            break
+        n_changed, best, evidence = int((found != before).sum()), found, more
+        if n_changed <= UNCHANGED * len(found):
+            break
+        before, _ = pose_and_reassign(points, found, skeleton, monitor)
+    return best
 
 
 def _fitted(task: LabelTask, best: Ints, n_markers: int, monitor: Monitor) -> Ints:
@@ -112,6 +131,11 @@ class _TwoTakes:
         tracks = np.concatenate([known + take.track_of_point.max(initial=-1) + 1, take.track_of_point])
         both = replace(take, cloud=cloud, track_of_point=tracks.astype(np.int32), n_known=len(positions))
         return cls(both, known.astype(np.int32))
+
+    def evidence(self, marker_of_point: Ints) -> float:
+        """How well labels of the take explain both, where moments count by how much the posture changes [nats]."""
+        judge = replace(self.both, by_posture=True)
+        return judge.evidence(np.concatenate([self.known, marker_of_point.astype(np.int32)]))[0]
 
     def put_right(self, marker_of_point: Ints) -> Ints:
         """Marker of each point of the take when all that distances of both takes tell is put right."""
