@@ -21,12 +21,13 @@ from skelgen.errors import FormatError
 from skelgen.geometry.frame_rate import AS_RECORDED_RATE
 from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.model.arrays import Floats
+from skelgen.progress import counted
 from skelgen_formats.clock_titles import clock_of
 from skelgen_formats.options import Options
 from skelgen_formats.table_heads import CAMEL
 from skelgen_formats.text import is_number, seconds_of
 from skelgen_formats.time_stamps import Stamps, since_first
-from skelgen_formats.titles import bodies_of, with_axes
+from skelgen_formats.titles import FLAG_WORD, bodies_of, with_axes
 from skelgen_formats.turn_titles import AXES
 from skelgen_formats.untitled_points import positions_of_columns
 from skelgen_formats.wide import take_from_table
@@ -46,8 +47,6 @@ _RATES = (
 )
 _UNITS = {"unit", "units"}
 _OF_LENGTH = _UNITS | {"length", "distance", "position", "positions", "spatial", "coordinate", "coordinates", "xyz"}
-_SEEN = ("visible", "valid", "seen", "tracked", "visibility", "confidence", "confidences", "scores", "likelihood")
-_UNSEEN = ("occluded", "missing", "hidden")  # flags of points
 _TITLES = ("columns", "colheaders", "headers", "header", "titles", "variables", "varnames", *_NAMES)
 _BODY_MODEL = {"poses", "trans"}  # of AMASS: angles of SMPL and where its root is
 _SLOWEST, _FASTEST = 1e-6, 1e6  # Hz; beyond, a rate is a damaged number
@@ -92,7 +91,7 @@ def take_from_arrays(
     notices: list[str] = []
     arrays = {key: _without_grades(_unflattened(key, array)) for key, array in arrays.items()}
     numbers, names = _bodies(path, arrays) or _positions(path, arrays, notices, otherwise)
-    numbers = _without_unseen(numbers, names, arrays)
+    numbers = _without_unseen(numbers, names, arrays, notices)
     if options.sample:
         numbers = numbers[options.sample.of(np.arange(len(numbers)))]
     rate = _number(arrays, _RATES)
@@ -110,20 +109,24 @@ def _unit(arrays: Arrays) -> str:
     return next((str(arrays[key]) for key in sorted(units, key=len) if arrays[key].dtype.kind == "U"), "")
 
 
-def _without_unseen(numbers: NDArray[Any], names: Sequence[str], arrays: Arrays) -> NDArray[Any]:
+def _without_unseen(numbers: NDArray[Any], names: Sequence[str], arrays: Arrays, notices: list[str]) -> NDArray[Any]:
     """Return positions or bodies, NaN where flags of all, or of one, say that they are not seen, or nothing is sure."""
     shape, are_seen = numbers.shape[:2], np.ones(numbers.shape[:2], dtype=np.bool_)
     for key, array in arrays.items():
         owner, _, word = key.rpartition(".")
-        name = _plain(word).removeprefix("is")
-        if array.dtype.kind not in "bfiu" or name not in (*_SEEN, *_UNSEEN) or not array.any():
+        flag = re.fullmatch(FLAG_WORD, word, re.IGNORECASE)
+        if flag is None or array.dtype.kind not in "bfiu" or not array.any():
             continue
-        tells = np.nan_to_num(array) > 0 if name in _SEEN else array == 0
+        tells = array == 0 if flag[1] else np.nan_to_num(array) > 0
         if {*tells.shape} == {*shape}:
             are_seen &= tells if tells.shape == shape else tells.T
         elif owner in names and tells.shape == shape[:1]:
             are_seen[:, names.index(owner)] &= tells
-    return numbers if are_seen.all() else np.where(are_seen[..., np.newaxis], numbers, np.nan)
+    if are_seen.all():
+        return numbers
+    positions = counted(int((~are_seen).sum()), "position is", "positions are")
+    notices.append(f"{positions} unseen, as flags or confidences say")
+    return np.where(are_seen[..., np.newaxis], numbers, np.nan)
 
 
 def _stamps(arrays: Arrays, n_frames: int) -> Iterator[Stamps]:

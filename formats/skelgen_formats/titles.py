@@ -41,11 +41,13 @@ _FOURTH = re.compile(rf"(.{{1,200}}?)(?:{BETWEEN}|(?=[\[(]))[\[(]?([w34])[\])]?"
 _ALONE = re.compile(rf"(?:{PLACE_WORD})?([xyz])", re.IGNORECASE)
 _TRANSLATED_ALONE = re.compile(r"[tp]([xyz])", re.IGNORECASE)
 _NAMED_PLACE = re.compile(rf"(.{{1,200}}?)(?:{BETWEEN}(?i:{PLACE_WORD})|(?:Pos|Positions?|Translation){BETWEEN}?)")
-_FLAG = re.compile(
-    rf"(.{{1,200}}?){BETWEEN}(?:v|(?:is_?)?(?:valid|visible|tracked|seen|(occluded|hidden|lost))"
-    r"|(conf|confidence|likelihood|score))",
-    re.IGNORECASE,
+FLAG_WORD = (
+    r"(?:v|(?:is_?)?(?:valid|visible|tracked|seen|(occluded|hidden|lost|missing))"
+    r"|(conf|confidences?|likelihoods?|scores?|visibility))"
 )
+"""What says whether a point is seen, is not, or how sure it is, each a group but the first; to be read in any case."""
+
+_FLAG = re.compile(rf"(.{{1,200}}?){BETWEEN}{FLAG_WORD}", re.IGNORECASE)
 _IS_ANGLE = re.compile(r".*(?:euler|rotvec|rot|rotation|ori|orientation)[ _.:-]?[xyz]", re.IGNORECASE)
 _BRACKETED = re.compile(r"^[\[(]([^\[\]()]+)[\])]$")
 _SENSED = re.compile(r"[agmwfv][xyz]", re.IGNORECASE)  # of inertial sensors and force plates: ax, gy, Fz
