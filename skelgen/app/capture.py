@@ -10,7 +10,6 @@ from contextlib import ExitStack, closing
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from skelgen_formats.capture_settings import read_settings, write_settings
@@ -22,7 +21,7 @@ from skelgen.capture.bodies.design import check_targets
 from skelgen.capture.bodies.prediction import PredictionParameters
 from skelgen.capture.calibration.body import BodyCalibration, calibrate_body
 from skelgen.capture.calibration.joints import JointCalibration, calibrate_joints
-from skelgen.capture.live import Captured, MotionCapture, PointFinder, search_parameters
+from skelgen.capture.live import Captured, MotionCapture, PointFinder, Recogniser, search_parameters
 from skelgen.capture.markers import ImageHealth
 from skelgen.capture.parameters import BodyParameters, DetectionParameters
 from skelgen.capture.values import FoundBody, FrameSource, JointRequest, StereoPoints
@@ -30,12 +29,8 @@ from skelgen.errors import InputError
 from skelgen.model.rig import AnySettings, CameraRig, CaptureSettings, RoomSettings, StereoRig, TargetJoint
 from skelgen.progress import SILENT, Monitor, with_progress
 
-if TYPE_CHECKING:
-    from skelgen.capture.room.live import RoomCapture, RoomCaptured
-    from skelgen.capture.room.points import RoomSource
 
-
-def source_of(settings: AnySettings, text: str | None = None) -> "FrameSource | RoomSource":
+def source_of(settings: AnySettings, text: str | None = None) -> FrameSource:
     """Return the source that a text names, or else the one of the settings.
 
     Parameters
@@ -71,18 +66,18 @@ def source_of(settings: AnySettings, text: str | None = None) -> "FrameSource | 
 
 def capture(
     settings: AnySettings,
-    source: "FrameSource | RoomSource",
+    source: FrameSource,
     record: Sequence[Path] = (),
     prediction: PredictionParameters | None = None,
     n_frames: int | None = None,
-) -> "Generator[Captured | RoomCaptured, None, None]":
+) -> Generator[Captured]:
     """Run a capture with two cameras or with those of a room; closing the iterator ends it cleanly.
 
     Parameters
     ----------
     settings : CaptureSettings or RoomSettings
         Cameras, targets, joints.
-    source : FrameSource or RoomSource
+    source : FrameSource
         Not yet entered.
     record : sequence of Path
         Files that are recorded while it runs, with the suffixes of `RECORDINGS`.
@@ -100,8 +95,8 @@ def capture(
     for path in record:
         check_recording(path, settings)
     with ExitStack() as stack:
-        live: Any = stack.enter_context(_live(settings, prediction))
-        pairs: Any = stack.enter_context(source)
+        live = stack.enter_context(_live(settings, prediction))
+        pairs = stack.enter_context(source)
         recordings = [stack.enter_context(Recording(path, settings, source.rate)) for path in record]
         for captured in live.run(islice(pairs, n_frames)):
             for recording in recordings:
@@ -109,7 +104,7 @@ def capture(
             yield captured
 
 
-def _live(settings: AnySettings, prediction: PredictionParameters | None) -> "MotionCapture | RoomCapture":
+def _live(settings: AnySettings, prediction: PredictionParameters | None) -> Recogniser:
     if isinstance(settings, RoomSettings):
         from skelgen.capture.room.live import RoomCapture  # noqa: PLC0415 - loads kernels
 
@@ -119,7 +114,7 @@ def _live(settings: AnySettings, prediction: PredictionParameters | None) -> "Mo
 
 def calibrate_body_of(
     settings: AnySettings,
-    source: "FrameSource | RoomSource",
+    source: FrameSource,
     name: str,
     n_balls: int | None = None,
     n_frames: int | None = None,
@@ -131,7 +126,7 @@ def calibrate_body_of(
     ----------
     settings : CaptureSettings or RoomSettings
         What the capture knows.
-    source : FrameSource or RoomSource
+    source : FrameSource
         Pairs of images of the target that is turned.
     name : str
         What the target is called.
@@ -186,7 +181,7 @@ def _outdated(settings: AnySettings, name: str) -> tuple[str, ...]:
 
 def calibrate_joints_of(
     settings: AnySettings,
-    source: "FrameSource | RoomSource",
+    source: FrameSource,
     requests: Sequence[JointRequest] = (),
     n_frames: int | None = None,
     monitor: Monitor = SILENT,
@@ -198,7 +193,7 @@ def calibrate_joints_of(
     ----------
     settings : CaptureSettings or RoomSettings
         What the capture knows.
-    source : FrameSource or RoomSource
+    source : FrameSource
         Pairs of images of the joints that are moved.
     requests : sequence of JointRequest
         Joints that are stated; all are found if there are none.
@@ -242,13 +237,12 @@ def with_joints(settings: AnySettings, done: JointCalibration) -> AnySettings:
 
 
 def _points_of(
-    settings: AnySettings, source: "FrameSource | RoomSource", n_frames: int | None, monitor: Monitor
+    settings: AnySettings, source: FrameSource, n_frames: int | None, monitor: Monitor
 ) -> list[StereoPoints]:
     """Points of every pair of a source; an error if hardly any ball is in both images, as with exchanged cameras."""
     monitor.begin("images")
     if isinstance(settings, RoomSettings):
-        return _points_in_room(settings, cast("RoomSource", source), n_frames, monitor)
-    source = cast("FrameSource", source)
+        return _points_in_room(settings, source, n_frames, monitor)
     finder, health, found = PointFinder(settings), ImageHealth(settings.rig), []
     finder.load()
     with source as pairs:
@@ -262,7 +256,7 @@ def _points_of(
 
 
 def _points_in_room(
-    settings: RoomSettings, source: "RoomSource", n_frames: int | None, monitor: Monitor
+    settings: RoomSettings, source: FrameSource, n_frames: int | None, monitor: Monitor
 ) -> list[StereoPoints]:
     found, notices = [], list[str]()
     total = min(count for count in (n_frames, source.n_frames, 10**9) if count is not None)

@@ -9,9 +9,9 @@ from importlib import import_module
 from itertools import zip_longest
 from typing import Self
 
-from skelgen.capture.room.points import FrameSet, RoomSource
 from skelgen.capture.sources.options import CameraOptions, SourceText
 from skelgen.capture.sources.pairs import LiveCamera, LiveCameras, Opener, Shot, lost_between, shared_rate
+from skelgen.capture.values import FrameSet, FrameSource
 from skelgen.errors import CaptureError
 
 EXAMPLES = {
@@ -130,7 +130,7 @@ class RecordedTogether:
 
     Parameters
     ----------
-    sources : sequence of RoomSource
+    sources : sequence of FrameSource
         Recordings, none of which runs.
 
     Raises
@@ -139,7 +139,7 @@ class RecordedTogether:
         If a camera is in two of them, or their rates differ.
     """
 
-    def __init__(self, sources: Sequence[RoomSource]) -> None:
+    def __init__(self, sources: Sequence[FrameSource]) -> None:
         self._sources = tuple(sources)
         self.name = " + ".join(source.name for source in sources)
         self.cameras = _names([source.cameras for source in sources])

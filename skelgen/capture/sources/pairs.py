@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Protocol, Self
 
 from skelgen.capture.sources.options import CameraOptions
-from skelgen.capture.values import FramePair, Image
+from skelgen.capture.values import SIDES, FrameSet, Image
 from skelgen.errors import CaptureError
 
 
@@ -48,7 +48,7 @@ class PairCounter:
         self._first_time = 0.0
         self._last: Shot | None = None
 
-    def pair(self, left: Shot, right: Shot) -> FramePair:
+    def pair(self, left: Shot, right: Shot) -> FrameSet:
         """Return the next pair; its time is the left image's.
 
         Parameters
@@ -64,7 +64,7 @@ class PairCounter:
         self.n_dropped += lost
         left.image.flags.writeable = False
         right.image.flags.writeable = False
-        return FramePair(left.image, right.image, left.time - self._first_time, self._index, lost)
+        return FrameSet((left.image, right.image), left.time - self._first_time, self._index, lost)
 
     def _lost_between(self, before: Shot, now: Shot) -> int:
         if before.number is not None and now.number is not None:
@@ -229,6 +229,7 @@ class LiveCameras:
 class LivePairs(LiveCameras):
     """The frame source of two cameras; see `LiveCameras`."""
 
+    cameras = SIDES
     _counter = PairCounter(None)
 
     @property
@@ -248,7 +249,7 @@ class LivePairs(LiveCameras):
         check_same_size(left.size, right.size, (left.name, right.name))
         self._counter = PairCounter(self.rate)
 
-    def __iter__(self) -> Iterator[FramePair]:
+    def __iter__(self) -> Iterator[FrameSet]:
         """Deliver pairs until the source is closed, or as many as were asked for.
 
         Raises

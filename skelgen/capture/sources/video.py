@@ -10,7 +10,7 @@ import numpy as np
 from skelgen.capture.images import opencv
 from skelgen.capture.sources.options import VideoOptions
 from skelgen.capture.sources.pairs import check_same_size
-from skelgen.capture.values import FramePair, Image
+from skelgen.capture.values import SIDES, FrameSet, Image
 from skelgen.errors import CaptureError, FormatError
 from skelgen.progress import counted
 
@@ -74,7 +74,7 @@ class VideoPairs(OpenVideos):
 
     def __init__(self, left: Path, right: Path, options: VideoOptions) -> None:
         super().__init__((left, right), options)
-        self.name, self.n_dropped = f"{left.name} and {right.name}", 0
+        self.name, self.cameras, self.n_dropped = f"{left.name} and {right.name}", SIDES, 0
         with self:
             widths, heights, counts = (map(int, self._facts(f"FRAME_{name}")) for name in ("WIDTH", "HEIGHT", "COUNT"))
             sizes = list(zip(widths, heights, strict=True))
@@ -91,13 +91,13 @@ class VideoPairs(OpenVideos):
             return promised
         return self._limit if promised is None else min(promised, self._limit)
 
-    def __iter__(self) -> Iterator[FramePair]:
+    def __iter__(self) -> Iterator[FrameSet]:
         """Read frame by frame; a file that ends before the other is an error, after all pairs were delivered."""
         for index, time, (left, right) in self._frames():
             if left is None or right is None:
                 self._check_end(index, left is None, right is None)
                 return
-            yield FramePair(left, right, time, index)
+            yield FrameSet((left, right), time, index)
 
     def _check_end(self, n_read: int, left_ended: bool, right_ended: bool) -> None:
         for ended, other, path in zip((left_ended, right_ended), (right_ended, left_ended), self._paths, strict=True):
