@@ -191,14 +191,6 @@ class FrameSet:
     index: int
     dropped: int = 0
 
-    def __post_init__(self) -> None:
-        for number, image in enumerate(self.images, 1):
-            if image is not None and (image.ndim != 2 or image.dtype != np.uint8):
-                raise InputError(
-                    f"image {number} of frame {self.index} has shape {image.shape} and type {image.dtype}; "
-                    "grey images of 8 bits are needed"
-                )
-
     @property
     def left(self) -> Image:
         """The image of the first of two cameras."""
