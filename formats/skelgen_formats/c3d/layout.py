@@ -122,14 +122,11 @@ def read_layout(path: Path) -> C3dLayout:
     FormatError
         If the file is no C3D file, or its header or parameters contradict each other or the file's size.
     """
-    try:
-        with open_regular(path) as stream:
-            size = stream.seek(0, os.SEEK_END)
-            stream.seek(0)
-            head = stream.read(BLOCK)
-            order, dec, records = _parameter_section(path, head, stream, size)
-    except OSError as error:
-        raise FormatError(path, "", f"cannot be read: {error.strerror or error}") from error
+    with open_regular(path) as stream:
+        size = stream.seek(0, os.SEEK_END)
+        stream.seek(0)
+        head = stream.read(BLOCK)
+        order, dec, records = _parameter_section(path, head, stream, size)
     parameters, junk = parameters_of(path, records, order, dec)
     layout = _layout(path, head, order, dec, parameters, size)
     return replace(layout, notices=(*junk, *layout.notices))

@@ -383,7 +383,7 @@ def joint_covariances(project: Project, frames: Ints) -> Floats:
     motion = project.motion
     if motion.joint_std is None:
         turns = motion.world_from_limb[frames][:, [joint.parent for joint in project.skeleton.joints], :3, :3]
-        own = [np.diag(one.std**2) if one.covariance is None else one.covariance for one in project.skeleton.joints]
+        own = [joint.place_covariance for joint in project.skeleton.joints]
         return np.asarray(turns @ np.reshape(own, (-1, 3, 3)) @ turns.swapaxes(2, 3))
     posture = posture_of(project.skeleton, motion, project.trajectories.positions, frames)
     std = motion.joint_std[frames] / np.maximum(posture.joint_std, np.finfo(float).tiny)
