@@ -52,8 +52,6 @@ class WandCalibration:
         Of all numbers, in the order of `CameraRig.std`.
     n_views : ndarray of intp, shape (n_cameras,)
         Views of the wand that were used.
-    shared : ndarray of intp, shape (n_cameras, n_cameras)
-        Views that two cameras share.
     scale_std : float
         Relative standard deviation of the largest distance between cameras.
     point_std : float, mm
@@ -67,7 +65,6 @@ class WandCalibration:
     rig: CameraRig
     covariance: Floats
     n_views: Ints
-    shared: Ints
     scale_std: float
     point_std: float
     room: Floats
@@ -159,10 +156,10 @@ def _calibration(start: Bundle, names: Sequence[str], words: _Words) -> WandCali
     balls = bundle.places.reshape(-1, 3)
     calibrated = point_covariances(rig, covariance, room_grid(balls))[0]
     point_std = float(np.sqrt(3.0 * np.diag(calibrated).mean()))
-    n_views, shared = shows.sum(axis=0), shows.T.astype(np.intp) @ shows
+    n_views = shows.sum(axis=0)
     n_seen = int(np.isfinite(start.seen[..., 0]).sum())
     verdict = _judge(rig, adjusted, (scale_std, point_std), n_views, n_seen, words)
-    return WandCalibration(rig, covariance, n_views, shared, scale_std, point_std, balls, verdict)
+    return WandCalibration(rig, covariance, n_views, scale_std, point_std, balls, verdict)
 
 
 def _of_places(covariance: Floats, cameras: Sequence[Camera]) -> Floats:

@@ -10,7 +10,7 @@ from itertools import zip_longest
 from typing import Self
 
 from skelgen.capture.sources.options import CameraOptions, SourceText
-from skelgen.capture.sources.pairs import LiveCamera, LiveCameras, Opener, Shot, lost_between, shared_rate
+from skelgen.capture.sources.pairs import LiveCamera, LiveCameras, Opener, Shot, shared_rate
 from skelgen.capture.values import FrameSet, FrameSource
 from skelgen.errors import CaptureError
 
@@ -50,24 +50,6 @@ class LiveSets(LiveCameras):
 
     def _begin(self, cameras: Sequence[LiveCamera]) -> None:
         self._waiting = [None] * len(cameras)
-
-    def __iter__(self) -> Iterator[FrameSet]:
-        """Deliver sets until the source is closed, or as many as were asked for.
-
-        Raises
-        ------
-        CaptureError
-            If no camera sends images any more, or images of one moment are further apart than allowed.
-        """
-        index, first, before = -1, None, None
-        while self.running and (self.n_frames is None or index + 1 < self.n_frames):
-            shots = self._next()
-            time = min(shot.time for shot in shots if shot is not None)
-            first = time if first is None else first
-            lost = lost_between(before, time, self.rate)
-            before, index = time, index + 1 + lost
-            images = tuple(None if shot is None else shot.image for shot in shots)
-            yield FrameSet(images, time - first, index, lost)
 
     def _next(self) -> list[Shot | None]:
         """The images of the next moment, None of the cameras that lost theirs."""

@@ -45,13 +45,10 @@ class BoardTruth:
 
     Attributes
     ----------
-    world_from_board : ndarray, shape (4, 4), mm
-        Where the board is.
     left, right : ndarray, shape (n_corners, 2), px
         Its corners in both images.
     """
 
-    world_from_board: Floats
     left: Floats
     right: Floats
 
@@ -93,7 +90,7 @@ class SimulatedBoard(RenderedPairs):
         images = [
             board_image(camera, self.board, pose, (self._seed, index, side)) for side, camera in enumerate(cameras)
         ]
-        truth = BoardTruth(pose, project(self.rig.left, corners), project(self.rig.right, corners))
+        truth = BoardTruth(project(self.rig.left, corners), project(self.rig.right, corners))
         return FrameSet(tuple(images), index / self.rate, index, dropped), truth
 
     @cached_property
