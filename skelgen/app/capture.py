@@ -12,7 +12,7 @@ from itertools import islice
 from pathlib import Path
 
 import numpy as np
-from skelgen_formats.capture_settings import read_settings, write_settings
+from skelgen_formats.capture_settings import write_settings
 
 from skelgen.app.recording import Recording, check_recording
 from skelgen.app.room import read_capture_settings
@@ -23,7 +23,6 @@ from skelgen.capture.calibration.body import BodyCalibration, calibrate_body
 from skelgen.capture.calibration.joints import JointCalibration, calibrate_joints
 from skelgen.capture.live import Captured, MotionCapture, PointFinder, Recogniser, search_parameters
 from skelgen.capture.markers import ImageHealth
-from skelgen.capture.parameters import BodyParameters, DetectionParameters
 from skelgen.capture.values import FoundBody, FrameSource, JointRequest, StereoPoints
 from skelgen.errors import InputError
 from skelgen.model.rig import AnySettings, CameraRig, CaptureSettings, RoomSettings, StereoRig, TargetJoint
@@ -166,9 +165,7 @@ def _with_body(settings: AnySettings, done: BodyCalibration, stated: float) -> A
     bodies = bodies if target.name in names else [*bodies, target]
     check_targets(bodies, search_parameters(settings))
     noise = max(body.noise for body in bodies) or settings.rig.noise
-    if isinstance(settings, RoomSettings):
-        return replace(settings, bodies=bodies, rig=replace(settings.rig, noise=noise))
-    return replace(settings, bodies=bodies, rig=replace(settings.rig, noise=noise))
+    return replace(settings, bodies=bodies).with_rig(replace(settings.rig, noise=noise))
 
 
 def _outdated(settings: AnySettings, name: str) -> tuple[str, ...]:
@@ -273,23 +270,26 @@ _CAMERAS = ("firewire:", "gige:", "gentl:")
 """Sources that are cameras: the next capture comes from them too."""
 
 
-def save_cameras(rig: StereoRig, path: Path, before: Path | None, source: str) -> int:
-    """Write a calibrated rig into a settings file; return how many bodies and joints were kept.
+def save_cameras(rig: StereoRig | CameraRig, path: Path, before: Path | None, source: str = "") -> int:
+    """Write calibrated cameras into a settings file; return how many bodies and joints were kept.
 
     Parameters
     ----------
-    rig : StereoRig
+    rig : StereoRig or CameraRig
         The calibrated cameras.
     path : Path
         The file.
     before : Path or None
-        A settings file whose bodies, joints and other settings are kept, if it is there.
+        A settings file whose bodies, joints and other settings are kept, if it is there, and of a pair or a room, too.
     source : str
-        Source of the images; it is written into the settings if it is cameras.
+        Source of the images; it is written into the settings of a pair if it is cameras.
     """
-    settings = CaptureSettings(rig, source=source if source.startswith(_CAMERAS) else "")
-    if before is not None and before.exists():
-        settings = replace(read_settings(before, DetectionParameters, BodyParameters), rig=rig)
+    settings: AnySettings = RoomSettings(rig) if isinstance(rig, CameraRig) else CaptureSettings(rig)
+    known = read_capture_settings(before) if before is not None and before.exists() else None
+    if isinstance(known, type(settings)):
+        settings = known.with_rig(rig)
+    elif source.startswith(_CAMERAS):
+        settings = replace(settings, source=source)
     write_settings(settings, path)
     return len(settings.bodies) + len(settings.joints)
 

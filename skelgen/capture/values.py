@@ -150,6 +150,17 @@ def start_from_text(text: str) -> tuple[Place, Place]:
     return (a, b, c), (x, y, z)
 
 
+def numbers_from_text(text: str, what: str) -> tuple[float, ...]:
+    """Return two or three numbers [mm] that a text states, as in ``0,180,500``; `what` it is stands in the error."""
+    try:
+        values = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        values = ()
+    if len(values) not in {2, 3}:
+        raise InputError(f"{what} is {text!r}; two or three numbers in mm belong there, with commas between them")
+    return values
+
+
 def frames_from_text(text: str) -> int | list[int] | None:
     """Return the number of frames that a text states, or indices as in ``0,10,20``; None where it is empty."""
     if not text.strip():

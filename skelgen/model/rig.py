@@ -6,9 +6,10 @@ rig says otherwise.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from types import MappingProxyType
+from typing import Self
 
 import numpy as np
 
@@ -274,6 +275,10 @@ class _Settings:
         _check_targets(self.bodies, self.joints)
         detection, search = (MappingProxyType(dict(values)) for values in (self.detection, self.search))
         set_fields(self, bodies=tuple(self.bodies), joints=tuple(self.joints), detection=detection, search=search)
+
+    def with_rig(self, rig: StereoRig | CameraRig) -> Self:
+        """Return the settings with other cameras, or with the same ones calibrated anew."""
+        return replace(self, rig=rig)
 
 
 @dataclass(frozen=True, eq=False)
