@@ -132,9 +132,10 @@ def on_floor(done: "WandCalibration", ground: Ground | None, monitor: Monitor = 
     if ground is None:
         return done
     from skelgen.capture.room.calibrate import on_ground  # noqa: PLC0415 - loads kernels
-    from skelgen.capture.room.points import balls_of  # noqa: PLC0415
+    from skelgen.capture.room.points import all_seen, detected_balls, seen_in  # noqa: PLC0415
     from skelgen.capture.room.sources import open_room_source  # noqa: PLC0415
     from skelgen.capture.room.wand_and_ground import find_ground  # noqa: PLC0415
 
-    lying, _ = balls_of(open_room_source(ground.source), monitor)
+    source = open_room_source(ground.source)
+    lying, _ = all_seen(source, seen_in(source, detected_balls, monitor))
     return on_ground(done, find_ground(lying, done.rig, ground.arms))

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from types import TracebackType
 from typing import Protocol, Self, cast
 
 import numpy as np
@@ -235,9 +234,7 @@ class FrameSource(Protocol):
     def __enter__(self) -> Self:
         """Open cameras and files."""
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *exception: object) -> None:
         """Close cameras and files, whatever happened."""
 
     def __iter__(self) -> Iterator[FrameSet]:

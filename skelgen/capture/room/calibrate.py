@@ -17,7 +17,7 @@ from skelgen.capture.room.boards import AnyBoard, board_start
 from skelgen.capture.room.bundles import adjust_room
 from skelgen.capture.room.points import Views
 from skelgen.capture.room.start import LEAST_SHARED, LENS, placed_in, start_values
-from skelgen.capture.room.wand_and_ground import FEWEST_CAMERAS, check_wand, wand_views
+from skelgen.capture.room.wand_and_ground import FEWEST_CAMERAS, TWO, check_wand, find_wand, with_equal_ends
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import cross_matrix
 from skelgen.model.arrays import Floats, Ints
@@ -97,7 +97,8 @@ def calibrate_wand(
     called = list(names) or [f"camera {number + 1}" for number in range(len(sizes))]
     if not frames:
         raise InputError("there are no frames; wave the wand for a minute")
-    seen = wand_views(frames, wand, LEAST_SHARED)
+    seen = np.array([[find_wand(balls.centres, wand) for balls in views] for views in frames])
+    seen = with_equal_ends(seen, LEAST_SHARED) if len(wand) == TWO else seen
     start = start_values(seen, wand, list(sizes), called)
     placed = np.isfinite(start.first[:, 0])
     return _calibration(start.of(placed), called, _WAND)

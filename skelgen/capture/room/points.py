@@ -249,24 +249,6 @@ class BallFinder:
         return correct_eccentricity(camera, detect_balls(image, self._parameters))
 
 
-def balls_of(source: FrameSource, monitor: Monitor = SILENT) -> tuple[list[list[Balls]], list[tuple[int, int]]]:
-    """Return the balls of all images of a source before its cameras are calibrated, and the cameras' sizes.
-
-    Parameters
-    ----------
-    source : FrameSource
-        Not yet entered.
-    monitor : Monitor
-        Reports how many sets are done; may cancel.
-
-    Raises
-    ------
-    InputError
-        If a camera has no image at all, or images of two sizes.
-    """
-    return all_seen(source, seen_in(source, detected_balls, monitor))
-
-
 _FrameSeen = tuple[list[_Seen], list[tuple[int, int] | None]]
 """What was found in the images of a moment, and their sizes."""
 
