@@ -18,13 +18,12 @@ from skelgen.capture.ball_tracks import BallPairs
 from skelgen.capture.bodies import BodyFinder
 from skelgen.capture.bodies.prediction import CentreNoise, Prediction, PredictionParameters
 from skelgen.capture.chain_filter import chain_filters
-from skelgen.capture.detection import correct_eccentricity, detect_balls
+from skelgen.capture.detection import BallFinder
 from skelgen.capture.health import RigWatch
 from skelgen.capture.optics import match_and_triangulate, project
-from skelgen.capture.parameters import BodyParameters, DetectionParameters
+from skelgen.capture.parameters import BodyParameters
 from skelgen.capture.target_joints import JointAngle, find_angles, pose_error, turned_and_shifted
 from skelgen.capture.values import Balls, FoundBody, FrameSet, Image, StereoPoints
-from skelgen.errors import InputError
 from skelgen.model.arrays import Floats, Ints
 from skelgen.model.rig import AnySettings, BodyTarget, Camera, CaptureSettings, StereoRig
 
@@ -84,8 +83,7 @@ class PointFinder:
     """
 
     def __init__(self, settings: CaptureSettings, executor: Executor | None = None) -> None:
-        self.rig, self._executor = settings.rig, executor
-        self._parameters = DetectionParameters.from_mapping(settings.detection, "detection")
+        self.rig, self._balls = settings.rig, BallFinder(settings, executor)
 
     def load(self) -> None:
         """Load the kernels, which takes a second: a camera that already runs would lose pairs meanwhile."""
@@ -99,23 +97,8 @@ class PointFinder:
         InputError
             If an image has another size than the camera that was calibrated.
         """
-        self._check_sizes(pair)
-        run = map if self._executor is None else self._executor.map
-        left, right = run(self._balls, (pair.left, pair.right), (self.rig.left, self.rig.right))
+        left, right = self._balls.find(pair)
         return left, right, match_and_triangulate(left, right, self.rig)
-
-    def _balls(self, image: Image, camera: Camera) -> Balls:
-        return correct_eccentricity(camera, detect_balls(image, self._parameters))
-
-    def _check_sizes(self, pair: FrameSet) -> None:
-        for side, image, camera in (("left", pair.left, self.rig.left), ("right", pair.right, self.rig.right)):
-            height, width = image.shape
-            if (width, height) != camera.size:
-                raise InputError(
-                    f"the {side} image of frame {pair.index} has {width} x {height} pixels, the {side} camera of the "
-                    f"settings {camera.width} x {camera.height}; these settings are of another rig, or the cameras are "
-                    "in another mode"
-                )
 
 
 class Recogniser(ABC):

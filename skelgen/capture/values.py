@@ -150,7 +150,15 @@ def start_from_text(text: str) -> tuple[Place, Place]:
 
 
 def numbers_from_text(text: str, what: str) -> tuple[float, ...]:
-    """Return two or three numbers [mm] that a text states, as in ``0,180,500``; `what` it is stands in the error."""
+    """Return two or three numbers [mm] that a text states, as in ``0,180,500``.
+
+    Parameters
+    ----------
+    text : str
+        The numbers, with commas between them.
+    what : str
+        What they are of, for the error.
+    """
     try:
         values = tuple(float(part) for part in text.split(","))
     except ValueError:

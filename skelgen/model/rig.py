@@ -107,6 +107,11 @@ class StereoRig:
         """The left and the right one."""
         return self.left, self.right
 
+    @property
+    def names(self) -> tuple[str, str]:
+        """What the cameras are called."""
+        return "the left camera", "the right camera"
+
     @cached_property
     def right_from_left(self) -> Floats:
         """Pose of the left camera's frame in the right one's, shape (4, 4)."""

@@ -9,8 +9,8 @@ from typing import Self
 import numpy as np
 
 from skelgen.capture.bodies.prediction import PredictionParameters
+from skelgen.capture.detection import BallFinder
 from skelgen.capture.live import Captured, Recogniser
-from skelgen.capture.room.points import BallFinder
 from skelgen.capture.room.recording import FEWEST_BALLS, LEAST_FIT
 from skelgen.capture.room.tracks import RoomTracker
 from skelgen.capture.values import FrameSet

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import Executor, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -11,14 +11,14 @@ import numpy as np
 from skelgen._kernels.room_limbs import place_by_balls
 from skelgen._kernels.room_matching import Rules, match_room
 from skelgen._kernels.room_points import Room
-from skelgen.capture.detection import correct_eccentricity, detect_balls
+from skelgen.capture.detection import detect_balls
 from skelgen.capture.optics import GATE, undistort, view_of
 from skelgen.capture.parameters import DetectionParameters
-from skelgen.capture.values import Balls, FrameSet, FrameSource, Image, StereoPoints
+from skelgen.capture.values import Balls, FrameSource, Image, StereoPoints
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import cross_matrix
 from skelgen.model.arrays import Bools, Floats, Ints
-from skelgen.model.rig import Camera, CameraRig, RoomSettings
+from skelgen.model.rig import Camera, CameraRig
 from skelgen.progress import SILENT, Monitor, with_progress
 
 
@@ -203,50 +203,6 @@ def _rays_of_border(camera: Camera) -> Floats:
 
 
 _Seen = TypeVar("_Seen")
-
-
-class BallFinder:
-    """Images of all cameras to balls.
-
-    Parameters
-    ----------
-    settings : RoomSettings
-        The cameras, and the parameters of the detection.
-    executor : Executor, optional
-        Threads for the images.
-    """
-
-    def __init__(self, settings: RoomSettings, executor: Executor | None = None) -> None:
-        self.rig, self._executor = settings.rig, executor
-        self._parameters = DetectionParameters.from_mapping(settings.detection, "detection")
-
-    def find(self, frame: FrameSet) -> list[Balls]:
-        """Return the balls that each camera shows; none where an image was lost.
-
-        Raises
-        ------
-        InputError
-            If there are not as many images as cameras, or one has another size than its camera.
-        """
-        cameras = self.rig.cameras
-        if len(frame.images) != len(cameras):
-            raise InputError(
-                f"the source has {len(frame.images)} cameras, and the settings have {len(cameras)}: "
-                f"{', '.join(self.rig.names)}"
-            )
-        run = map if self._executor is None else self._executor.map
-        return list(run(self._balls, frame.images, cameras))
-
-    def _balls(self, image: Image | None, camera: Camera) -> Balls:
-        if image is None:
-            return balls_at(np.empty((0, 2)), self.rig.noise)
-        height, width = image.shape
-        if (width, height) != camera.size:
-            raise InputError(
-                f"{camera.name} sends {width} x {height} pixels, and its calibration is for {camera.width} x "
-                f"{camera.height}: set it to that size, or calibrate again"
-            )
-        return correct_eccentricity(camera, detect_balls(image, self._parameters))
 
 
 _FrameSeen = tuple[list[_Seen], list[tuple[int, int] | None]]

@@ -10,8 +10,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
+from skelgen.capture.detection import BallFinder
 from skelgen.capture.optics import in_image, project
-from skelgen.capture.room.points import BallFinder, RoomPoints, Views
+from skelgen.capture.room.points import RoomPoints, Views
 from skelgen.capture.room.tracks import RoomTracker
 from skelgen.capture.room.wand_and_ground import FEWEST_CAMERAS
 from skelgen.capture.values import FrameSource, n_to_take

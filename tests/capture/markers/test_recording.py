@@ -134,7 +134,7 @@ def smaller(pairs):
         (black, r"take: no ball is seen in both images of any pair; left image of 60 of 60 pairs, .*lens caps"),
         (swapped, "take: .* the cameras are swapped"),
         (mirrored, "take: .* the settings are of another rig"),
-        (smaller, "the right image of frame 0 has 600 x 480 pixels, the right camera of the settings 640 x 480"),
+        (smaller, "the right camera sends 600 x 480 pixels, and its calibration is for 640 x 480"),
         (lambda pairs: [], "take: there is no pair of images"),
     ],
 )
