@@ -101,14 +101,8 @@ class VideoSets(OpenVideos):
         super().__init__(paths, options)
         self.name, self.cameras = paths[0].parent.name or "videos", tuple(path.stem for path in paths)
         with self:
-            self._counts, rates = list(map(int, self._facts("FRAME_COUNT"))), self._facts("FPS")
+            self._promised, rates = int(max(self._facts("FRAME_COUNT"))), self._facts("FPS")
         self.rate = self.rate or float(np.median(rates)) or None
-
-    @property
-    def n_frames(self) -> int | None:
-        """Number of frames that the longest file promises."""
-        promised = max(self._counts)
-        return min(promised, self._limit) if self._limit else promised
 
     def __iter__(self) -> Iterator[FrameSet]:
         """Read frame by frame until all have ended."""
