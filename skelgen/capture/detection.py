@@ -114,13 +114,14 @@ class BallFinder:
     def _balls(self, image: Image | None, camera: Camera, name: str) -> Balls:
         if image is None:
             return _no_balls("")
+        balls = detect_balls(image, self._parameters)
         height, width = image.shape
         if (width, height) != camera.size:
             raise InputError(
                 f"{name} sends {width} x {height} pixels, and its calibration is for {camera.width} x "
                 f"{camera.height}: these settings are of another rig, or it is in another mode; calibrate it again"
             )
-        return correct_eccentricity(camera, detect_balls(image, self._parameters))
+        return correct_eccentricity(camera, balls)
 
 
 def _check_image(image: Image) -> None:

@@ -86,6 +86,12 @@ def test_images_of_another_size_are_refused(source):
     assert "the left camera sends 320 x 240 pixels, and its calibration is for 640 x 480" in str(error.value)
 
 
+def test_images_that_are_not_grey_are_refused(source, pairs):
+    coloured = np.stack([pairs[0].left] * 3, axis=2)
+    with MotionCapture(source.settings) as capture, pytest.raises(InputError, match="grey images of 8 bits are needed"):
+        capture.see(replace(pairs[0], images=(coloured, pairs[0].right)))
+
+
 def test_black_image_is_told_once_and_stops_nothing(source, pairs):
     black = np.zeros_like(pairs[0].left)
     with MotionCapture(source.settings) as capture:
