@@ -21,7 +21,7 @@ from skelgen.capture.bodies.design import check_targets
 from skelgen.capture.bodies.prediction import PredictionParameters
 from skelgen.capture.calibration.body import BodyCalibration, calibrate_body
 from skelgen.capture.calibration.joints import JointCalibration, calibrate_joints
-from skelgen.capture.live import Captured, MotionCapture, PointFinder, Recogniser, search_parameters
+from skelgen.capture.live import Captured, MotionCapture, Recogniser, search_parameters
 from skelgen.capture.markers import ImageHealth
 from skelgen.capture.values import FoundBody, FrameSource, JointRequest, StereoPoints
 from skelgen.errors import InputError
@@ -236,31 +236,21 @@ def with_joints(settings: AnySettings, done: JointCalibration) -> AnySettings:
 def _points_of(
     settings: AnySettings, source: FrameSource, n_frames: int | None, monitor: Monitor
 ) -> list[StereoPoints]:
-    """Points of every pair of a source; an error if hardly any ball is in both images, as with exchanged cameras."""
+    """Points of every moment of a source; an error if hardly any ball is in both images of a pair, as if exchanged."""
     monitor.begin("images")
-    if isinstance(settings, RoomSettings):
-        return _points_in_room(settings, source, n_frames, monitor)
-    finder, health, found = PointFinder(settings), ImageHealth(settings.rig), []
-    finder.load()
-    with source as pairs:
-        total = min(count for count in (n_frames, source.n_frames, 10**9) if count is not None)
-        for pair in with_progress(islice(pairs, n_frames), total, monitor):
-            left, right, points = finder.find(pair)
-            health.look(pair, left, right, points)
-            found.append(points)
-    health.check(source.name)
-    return found
-
-
-def _points_in_room(
-    settings: RoomSettings, source: FrameSource, n_frames: int | None, monitor: Monitor
-) -> list[StereoPoints]:
+    health = None if isinstance(settings, RoomSettings) else ImageHealth(settings.rig)
     found, notices = [], list[str]()
     total = min(count for count in (n_frames, source.n_frames, 10**9) if count is not None)
     with closing(capture(replace(settings, bodies=(), joints=()), source, n_frames=n_frames)) as stream:
         for captured in with_progress(stream, total, monitor):
             found.append(captured.points)
-            notices += captured.notices
+            if health is None:
+                notices += captured.notices
+            else:
+                left, right = captured.views
+                health.look(captured.pair, left, right, captured.points)
+    if health is not None:
+        health.check(source.name)
     for sentence in dict.fromkeys(notices):
         monitor.notice(sentence)
     return found
