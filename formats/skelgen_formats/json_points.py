@@ -35,7 +35,7 @@ from skelgen_formats.turn_titles import AXES
 _STARTS = re.compile(rb'\s*(?:\{\s*["}]|\[\s*[\[{])')
 _SUFFIXES = (".json", ".jsonl", ".ndjson")
 _NAME_KEYS, _NAMES = ("name", "label"), "names"
-_POSITION = "position"
+_POSITION, _UNITS = "position", ("unit", "units")
 _PLACE_WORDS = (_POSITION, "positions", "pos", "translation", "location", "coordinates", "xyz", "data")
 _JSON, _OTHERWISE = "JSON", "this is {}; write the points as TRC or wide CSV, those of images triangulated first"
 _DEEPEST, _MOST_TIMES = 64, 1000  # objects in objects; frames for each one that is listed
@@ -115,6 +115,10 @@ def take_from_value(path: Path, value: Any, options: Options, what: str) -> Traj
     several = [key for key in arrays if len(key) > 1 and key[-1] == _NAMES]
     for key in several if len(several) > 1 else ():
         arrays.setdefault(key[:-1], arrays[key])
+    for key in [
+        key for key in arrays if len(key) > 1 and key[-2].lower() in _UNITS
+    ]:  # units of length, time and angles
+        arrays[(*key[:-2], f"{key[-1]}_unit")] = arrays.pop(key)
     ends = {key: [".".join(key[at:]) for at in range(len(key) - 1, -1, -1)] for key in arrays}
     count = Counter(end for every in ends.values() for end in every)
     named = {next((end for end in ends[key] if count[end] == 1), ".".join(key)): one for key, one in arrays.items()}

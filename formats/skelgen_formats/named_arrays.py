@@ -23,6 +23,7 @@ from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.model.arrays import Floats
 from skelgen_formats.clock_titles import clock_of
 from skelgen_formats.options import Options
+from skelgen_formats.table_heads import CAMEL
 from skelgen_formats.text import is_number, seconds_of
 from skelgen_formats.time_stamps import Stamps, since_first
 from skelgen_formats.titles import bodies_of, with_axes
@@ -43,7 +44,10 @@ _RATES = (
     *("rate", "fps", "framerate", "samplingrate", "samplerate", "mocapframerate", "freq", "frequency", "fs"),
     *("videoframerate", "markerrate", "pointrate", "camerarate"),
 )
-_UNITS = ("unit", "units")
+_UNITS = {"unit", "units"}
+_OF_LENGTH = _UNITS | {"length", "distance", "position", "positions", "spatial", "coordinate", "coordinates", "xyz"}
+_SEEN = ("visible", "valid", "seen", "tracked", "visibility", "confidence", "confidences", "scores", "likelihood")
+_UNSEEN = ("occluded", "missing", "hidden")  # flags of points
 _TITLES = ("columns", "colheaders", "headers", "header", "titles", "variables", "varnames", *_NAMES)
 _BODY_MODEL = {"poses", "trans"}  # of AMASS: angles of SMPL and where its root is
 _SLOWEST, _FASTEST = 1e-6, 1e6  # Hz; beyond, a rate is a damaged number
@@ -88,15 +92,38 @@ def take_from_arrays(
     notices: list[str] = []
     arrays = {key: _without_grades(_unflattened(key, array)) for key, array in arrays.items()}
     numbers, names = _bodies(arrays) or _positions(path, arrays, notices, otherwise)
+    numbers = _without_unseen(numbers, names, arrays)
     if options.sample:
         numbers = numbers[options.sample.of(np.arange(len(numbers)))]
     rate = _number(arrays, _RATES)
     stamps = next(_stamps(arrays, len(numbers)), None)
     if rate is not None and _SLOWEST < rate < _FASTEST and options.recorded_rate == AS_RECORDED_RATE:
         stamps = since_first(np.arange(len(numbers)) / rate, 1.0)
-    unit = next((str(one) for one in _called(arrays, _UNITS) if one.ndim == 0), "")
-    take = take_from_table(path, numbers, names, stamps, options, unit)
+    take = take_from_table(path, numbers, names, stamps, options, _unit(arrays))
     return replace(take, notices=(*notices, *take.notices))
+
+
+def _unit(arrays: Arrays) -> str:
+    """Return the unit of length, by names such as units, length_unit or xyzUnits; empty if there is none."""
+    words = {key: {*re.split(r"[_.]", CAMEL.sub("_", key).lower())} for key, one in arrays.items() if one.ndim == 0}
+    units = [key for key, of_key in words.items() if of_key & _UNITS and of_key <= _OF_LENGTH]
+    return next((str(arrays[key]) for key in sorted(units, key=len) if arrays[key].dtype.kind == "U"), "")
+
+
+def _without_unseen(numbers: NDArray[Any], names: Sequence[str], arrays: Arrays) -> NDArray[Any]:
+    """Return positions or bodies, NaN where flags of all, or of one, say that they are not seen, or nothing is sure."""
+    shape, are_seen = numbers.shape[:2], np.ones(numbers.shape[:2], dtype=np.bool_)
+    for key, array in arrays.items():
+        owner, _, word = key.rpartition(".")
+        name = _plain(word).removeprefix("is")
+        if array.dtype.kind not in "bfiu" or name not in (*_SEEN, *_UNSEEN) or not array.any():
+            continue
+        tells = np.nan_to_num(array) > 0 if name in _SEEN else array == 0
+        if {*tells.shape} == {*shape}:
+            are_seen &= tells if tells.shape == shape else tells.T
+        elif owner in names and tells.shape == shape[:1]:
+            are_seen[:, names.index(owner)] &= tells
+    return numbers if are_seen.all() else np.where(are_seen[..., np.newaxis], numbers, np.nan)
 
 
 def _stamps(arrays: Arrays, n_frames: int) -> Iterator[Stamps]:

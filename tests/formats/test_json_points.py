@@ -95,6 +95,24 @@ def test_points_that_frames_do_not_list_are_unseen(put):
     assert take.seen[:, 1].tolist() == [False, True, False, True, False]
 
 
+@pytest.mark.parametrize(("flag", "seen"), [("visible", True), ("isOccluded", False), ("confidence", 0.7)])
+def test_points_are_unseen_where_flags_say_so(put, flag, seen):
+    hidden = type(seen)(not seen)
+    frames = [
+        {"markers": [{**one, flag: hidden if n == 1 else seen} for one in named(f)]} for n, f in enumerate(PLACES)
+    ]
+    take = read_take(put("flags.json", json.dumps({"fps": 50, "frames": frames})))
+    assert take.seen[:, 1].tolist() == [True, False, True, True, True]
+
+
+@pytest.mark.parametrize(
+    "unit", [{"units": {"time": "s", "length": "cm"}}, {"position_units": "cm"}, {"lengthUnit": "cm"}]
+)
+def test_units_of_length_have_several_names(put, unit):
+    take = read_take(put("cm.json", json.dumps({"fps": 50, **unit, "names": NAMES, "positions": PLACES})))
+    np.testing.assert_allclose(take.positions, 10.0 * np.array(PLACES))
+
+
 def test_what_is_null_is_unseen(put):
     records = [{**record, "toe": None} if n == 1 else record for n, record in enumerate(LAYOUTS["records"])]
     assert read_take(put("null.json", json.dumps(records))).seen[:, 1].tolist() == [True, False, True, True, True]

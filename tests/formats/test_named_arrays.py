@@ -43,6 +43,12 @@ def test_coordinates_may_have_arrays_of_their_own(tmp_path):
     np.testing.assert_array_equal(read_take(tmp_path / "points.npz").positions, POSITIONS)
 
 
+def test_points_are_unseen_where_an_array_of_flags_says_so(tmp_path):
+    valid = np.arange(N_FRAMES)[:, np.newaxis] != [3, 5, 5, 9]
+    np.savez(tmp_path / "points.npz", positions=POSITIONS, names=NAMES, valid=valid)
+    np.testing.assert_array_equal(read_take(tmp_path / "points.npz").seen, valid)
+
+
 def test_poses_are_bodies(tmp_path, refused):
     poses = np.tile(np.eye(4), (N_FRAMES, 4, 1, 1))
     poses[:, :, :3, 3] = POSITIONS

@@ -12,6 +12,7 @@ online/        labels while points arrive
 from skelgen.stages.labels.by_skeleton.matching import by_track_votes, gates_of, match_points, n_carried
 from skelgen.stages.labels.by_skeleton.points import FollowedPoints, tracked_points
 from skelgen.stages.labels.by_skeleton.posing import SkeletonPoses, pose_skeleton, with_free_joints
+from skelgen.stages.labels.by_skeleton.refit import refit_labels
 from skelgen.stages.labels.confidence.label_quality import (
     PointLabels,
     history_of,
@@ -20,7 +21,7 @@ from skelgen.stages.labels.confidence.label_quality import (
 )
 from skelgen.stages.labels.online.tracker import Tracker
 from skelgen.stages.labels.parameters import LabelParameters
-from skelgen.stages.labels.stage import check_labels, label_markers, refit_labels
+from skelgen.stages.labels.stage import check_labels, label_markers
 from skelgen.stages.labels.tracking.statistics import typical_spacing
 from skelgen.stages.labels.user_labels.corrections import (
     CorrectedLabels,

@@ -32,9 +32,8 @@ from skelgen.stages.labels.input_checks import (
 from skelgen.stages.labels.merging.bridges import with_bridges
 from skelgen.stages.labels.merging.fallen import without_fallen
 from skelgen.stages.labels.merging.followed import FollowedCloud
-from skelgen.stages.labels.merging.judging import MOST_EXISTENCE, better_labels, explains_more, has_too_many
-from skelgen.stages.labels.merging.leftovers import label_leftovers, label_rest
-from skelgen.stages.labels.merging.likelihood import distance_sums, sample_frames
+from skelgen.stages.labels.merging.judging import better_labels, explains_more, has_too_many
+from skelgen.stages.labels.merging.leftovers import label_rest
 from skelgen.stages.labels.merging.limbs import PairTables, main_groups, measure_pairs, merge_on_limbs
 from skelgen.stages.labels.merging.markers import may_be_incomplete
 from skelgen.stages.labels.merging.turns import put_right
@@ -143,56 +142,6 @@ def check_labels(
         for sentence in cleaned:
             monitor.notice(sentence)
     return repaired, label_quality.labelling_of_markers(repaired, take, repair.findings)
-
-
-def refit_labels(
-    cloud: PointCloud,
-    tracks: Ints,
-    marker_of_point: Ints,
-    calibrated: Trajectories,
-    parameters: LabelParameters,
-    monitor: Monitor = SILENT,
-) -> Ints:
-    """Label what has no label yet by a skeleton that is fitted to this take, and by distances in another take.
-
-    A skeleton of another take says which marker a point is. Where markers are when this body does what it does here,
-    only this take tells. A marker that a joint alone holds has no place by either, but distances that it keeps. Labels
-    are added; they are changed only where that explains the take better by more than chance: distances within the take
-    hardly tell two markers from each other that are exchanged on a limb that looks the same then, the other take does.
-
-    Parameters
-    ----------
-    cloud : PointCloud
-        The take.
-    tracks : ndarray of intp, shape (n_points,)
-        Track of each point, -1 for none.
-    marker_of_point : ndarray of intp, shape (n_points,)
-        Marker of each point by the labels so far, -1 for none.
-    calibrated : Trajectories
-        The same markers in the other take.
-    parameters : LabelParameters
-        How to label.
-    monitor : Monitor
-        Receives progress, and may cancel.
-
-    Returns
-    -------
-    ndarray of intp, shape (n_points,)
-        Marker of each point by the same numbers, -1 for none.
-    """
-    rate, _ = frame_rate(cloud, parameters)
-    take = FollowedCloud(cloud, tracks.astype(np.int32), rate, typical_spacing(cloud))
-    best = marker_of_point.astype(np.int32)
-    task = LabelTask(take, parameters)
-    found = point_labels.numbered_as(best, _completed(task, best, refine_labels(task, best, monitor)))
-    evidence, chance = take.evidence(best)
-    filled = point_labels.filled_labels(cloud, [best, found], calibrated.n_markers)
-    for labels, least in ((filled, 0.0), (found, chance)):
-        if (more := take.evidence(labels)[0]) >= evidence + least:
-            best, evidence = labels, more
-    moments = sample_frames(calibrated.rate, 0, calibrated.n_frames)
-    distances = np.stack(distance_sums(calibrated.positions[moments]))
-    return label_leftovers(take, best, distances, MOST_EXISTENCE)
 
 
 def _labelled(

@@ -51,9 +51,8 @@ def exchange_markers(take: FollowedCloud, marker_of_point: Ints) -> Ints:
     n_markers = int(marker_of_point.max(initial=-1)) + 1
     if not n_markers or n_markers > MOST_MARKERS:
         return marker_of_point
-    is_held = np.bincount(marker_of_point[take.is_fixed & (marker_of_point >= 0)], minlength=n_markers) > 0
     search = _Search(take, marker_of_point, n_markers)
-    free = np.flatnonzero(~is_held)
+    free = np.flatnonzero(~take.is_stated(marker_of_point, n_markers))
     search.weigh(free[np.stack(np.triu_indices(len(free), 1), axis=1)])
     for _ in range(MOST_ROUNDS * n_markers):
         if search.gain.max() < LEAST_GAIN:
@@ -118,6 +117,7 @@ class _Search:
     def __init__(self, take: FollowedCloud, marker: Ints, n_markers: int) -> None:
         self.marker_of_point = marker
         self._track, self._spacing, self._n_frames = take.track_of_point, take.spacing, take.cloud.n_frames
+        self._n_known = take.n_known
         self._moments = np.ascontiguousarray(take.moments(n_markers))
         self._weights = take.weights(self._moments)
         self._frame = take.frame_of_point()
@@ -191,7 +191,7 @@ class _Search:
         """
         frame = self._frame[points]
         if self._part is None:
-            pauses = np.flatnonzero(pauses_between(frame, self._track[points]))
+            pauses = np.flatnonzero(pauses_between(frame, self._track[points]) & (frame[1:] >= self._n_known))
             begins = np.append(0, pauses + 1)[: len(points)]
             part = np.full(len(begins), -1)
         else:

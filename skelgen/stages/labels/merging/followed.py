@@ -10,6 +10,9 @@ that go on, moment t counts
 
 A take of few seconds has few independent moments, and pieces of tracks between them would not speak at all. There,
 markers are compared more often, and each moment counts as a part of one: there is no more evidence, but more hear it.
+
+Where another take of the same markers is known, moments of it stand before the take, as frames of their own whose
+points keep their marker: so all that is compared within the take is compared with the other one, too.
 """
 
 from __future__ import annotations
@@ -79,6 +82,8 @@ class FollowedCloud:
         moments say so.
     exchanges_over_gaps : bool
         Whether it counts where markers are exchanged who goes on as whom over gaps.
+    n_known : int
+        Frames at the beginning that are independent moments of another take, in which all markers are known.
     """
 
     cloud: PointCloud
@@ -89,11 +94,27 @@ class FollowedCloud:
     by_posture: bool = False
     joins_sparingly: bool = False
     exchanges_over_gaps: bool = False
+    n_known: int = 0
 
     @cached_property
     def is_fixed(self) -> Bools:
         """Points that keep their marker, shape (n_points,)."""
-        return np.zeros(self.cloud.n_points, dtype=bool) if self.stated is None else self.stated
+        is_fixed = np.zeros(self.cloud.n_points, dtype=bool) if self.stated is None else self.stated.copy()
+        is_fixed[: self.cloud.frame_starts[self.n_known]] = True
+        return is_fixed
+
+    def is_stated(self, marker_of_point: Ints, n_markers: int) -> Bools:
+        """Return of which markers the user states points, shape (n_markers,): these are exchanged nowhere.
+
+        Parameters
+        ----------
+        marker_of_point : ndarray of intp, shape (n_points,)
+            Marker of each point, -1 for none.
+        n_markers : int
+            Number of markers.
+        """
+        stated = np.zeros(0, dtype=np.intp) if self.stated is None else marker_of_point[self.stated]
+        return np.bincount(stated[stated >= 0], minlength=n_markers) > 0
 
     @property
     def has_few_moments(self) -> bool:
@@ -141,21 +162,26 @@ class FollowedCloud:
         """
         key = moments.tobytes()  # every move asks for the same moments
         if key not in self._known_weights:
-            weights = np.ones(len(moments))
+            weights, is_own = np.ones(len(moments)), moments >= self.n_known
             if self.by_posture:
-                weights = _weights(_changes(self.cloud, self.track_of_point, moments))
-            weights *= len(self._independent) / max(len(self._every_moment), 1)
+                weights[is_own] = _weights(_changes(self.cloud, self.track_of_point, moments[is_own]))
+            n_independent, n_every = len(self._independent) - self.n_known, len(self._every_moment) - self.n_known
+            weights[is_own] *= n_independent / max(n_every, 1)
             self._known_weights[key] = np.maximum(np.round(weights / WEIGHT_STEP), 1.0) * WEIGHT_STEP
         return self._known_weights[key]
 
     @cached_property
     def _independent(self) -> Ints:
-        return sample_frames(self.rate, 0, self.cloud.n_frames)
+        return self._sampled()
 
     @cached_property
     def _every_moment(self) -> Ints:
-        how_often = min(-(-FEW_MOMENTS // max(len(self._independent), 1)), MOST_OFTEN)
-        return sample_frames(self.rate, 0, self.cloud.n_frames, how_often)
+        n_independent = len(self._independent) - self.n_known
+        return self._sampled(min(-(-FEW_MOMENTS // max(n_independent, 1)), MOST_OFTEN))
+
+    def _sampled(self, how_often: int = 1) -> Ints:
+        own = sample_frames(self.rate, self.n_known, self.cloud.n_frames, how_often)
+        return np.concatenate([np.arange(self.n_known), own])
 
     @cached_property
     def _known_weights(self) -> dict[bytes, Floats]:

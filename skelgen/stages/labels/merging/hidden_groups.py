@@ -113,10 +113,11 @@ class _Cuts:
         self._places = point_labels.sampled_positions(cloud, extended, self._moments, n_all)
         self._weights = take.weights(self._moments)
         self._frame = take.frame_of_point()
-        self._is_held = np.bincount(marker[is_fixed & (marker >= 0)], minlength=n_all) > 0
+        self._n_known, self._is_stated = take.n_known, take.is_stated(marker, n_all)
         self._is_seen = np.zeros((cloud.n_frames, n_all), dtype=bool)
         owned = extended >= 0
         self._is_seen[self._frame[owned], extended[owned]] = True
+        self._is_known = np.asarray(self._is_seen[: take.n_known].any(axis=0))
         first, second = np.triu_indices(n_all)
         lengths = pair_lengths(self._places, first, second)
         known = ~np.isnan(lengths)
@@ -150,7 +151,9 @@ class _Cuts:
         n_seen = self._is_seen[:, : self._n_markers].sum(axis=1)
         ends = zip(self._moments[:-1].tolist(), self._moments[1:].tolist(), strict=True)
         return [
-            (row + 1, int(first + 1 + n_seen[first + 1 : end + 1].argmin())) for row, (first, end) in enumerate(ends)
+            (row + 1, int(first + 1 + n_seen[first + 1 : end + 1].argmin()))
+            for row, (first, end) in enumerate(ends)
+            if end > self._n_known
         ]
 
     def _group(self, moment: int, cut: int, is_later: bool) -> _Group | None:
@@ -158,8 +161,9 @@ class _Cuts:
         before, after = self._before[moment], self._before[-1] - self._before[moment]
         inside, outside = (after, before) if is_later else (before, after)
         n_inside, n_outside = inside[0].diagonal(), outside[0].diagonal()
-        hidden = np.flatnonzero(~self._is_seen[cut] & ~self._is_held)
+        hidden = np.flatnonzero(~self._is_seen[cut] & ~self._is_stated)
         members, goals = (hidden[(hidden < self._n_markers) & (count[hidden] > 0)] for count in (n_inside, n_outside))
+        members = members if is_later else members[~self._is_known[members]]
         left = hidden[(hidden >= self._n_markers) & (n_outside[hidden] == 0) & (n_inside[hidden] >= LEAST_MOMENTS)]
         left = left[np.argsort(-n_inside[left], kind="stable")[:LEFTOVERS_AT_ONCE]]
         if not (is_later or len(left)):  # the other side's members say the same

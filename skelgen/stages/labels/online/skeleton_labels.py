@@ -162,7 +162,9 @@ def _corrected(
     wrong = known[(error * solved).sum(axis=1) > TRUSTED_SQUARE]
     corrected[wrong] = -1
     free = np.flatnonzero((corrected < 0) & usable)
-    missing = np.setdiff1d(np.flatnonzero(~np.isnan(prediction.positions[:, 0])), corrected[corrected >= 0])
+    is_missing = ~np.isnan(prediction.positions[:, 0])
+    is_missing[corrected[corrected >= 0]] = False
+    missing = np.flatnonzero(is_missing)
     if len(free) and len(missing):
         scores = explained(points[free], prediction, missing, spacing)
         from scipy.optimize import linear_sum_assignment  # noqa: PLC0415 - heavy

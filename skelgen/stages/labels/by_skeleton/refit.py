@@ -1,0 +1,147 @@
+"""Labels by the skeleton of another take, completed and put right by what this take and the other one show together.
+
+A skeleton of another take says which marker a point is. Where markers are when this body does what it does here, only
+this take tells: a skeleton is fitted to it (`model_fit`). A marker that a joint alone holds has no place by either, but
+distances that it keeps. And where several markers were hidden at once, the pose of a skeleton follows what was taken
+for them wrongly, and proves it right. So moments of the other take stand before this one, with markers that are known
+(`merging.followed`), and all that puts labels of a take right by their distances (`merging.turns`) does so here. Where
+that changes much, the skeleton that is known is posed by the new labels, and it begins anew, until nothing is gained.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from skelgen.model import PointCloud, Skeleton, Trajectories
+from skelgen.model.arrays import Ints, spread_frames
+from skelgen.progress import SILENT, Monitor
+from skelgen.stages.labels import point_labels
+from skelgen.stages.labels.by_skeleton.matching import pose_and_reassign
+from skelgen.stages.labels.by_skeleton.points import FollowedPoints
+from skelgen.stages.labels.input_checks import frame_rate
+from skelgen.stages.labels.merging.continuity import LONGEST
+from skelgen.stages.labels.merging.followed import FollowedCloud
+from skelgen.stages.labels.merging.judging import MOST_EXISTENCE
+from skelgen.stages.labels.merging.leftovers import label_leftovers, label_rest
+from skelgen.stages.labels.merging.likelihood import sample_frames
+from skelgen.stages.labels.merging.turns import put_right
+from skelgen.stages.labels.model_fit.refine import LabelTask, complete_markers, refine_labels
+from skelgen.stages.labels.parameters import LabelParameters
+from skelgen.stages.labels.tracking.statistics import typical_spacing
+
+MOST_KNOWN = 200
+"""Moments of the other take that are compared with, spread over it."""
+
+MOST_TURNS = 4
+"""A guard: most takes need one or two."""
+
+UNCHANGED = 0.01
+"""Part of all points; when fewer change their marker, the turns end."""
+
+
+def refit_labels(
+    points: FollowedPoints,
+    marker_of_point: Ints,
+    skeleton: Skeleton,
+    calibrated: Trajectories,
+    parameters: LabelParameters,
+    monitor: Monitor = SILENT,
+) -> Ints:
+    """Improve labels by a skeleton that is fitted to this take and by distances of both takes, until nothing is gained.
+
+    What the fitted skeleton says is added; labels are changed by it only where that explains the take better by more
+    than chance: distances within the take hardly tell two markers from each other that are exchanged on a limb that
+    looks the same then, the other take does.
+
+    Parameters
+    ----------
+    points : FollowedPoints
+        The take, without names.
+    marker_of_point : ndarray of intp, shape (n_points,)
+        Marker of each point by the labels so far, -1 for none.
+    skeleton : Skeleton
+        Calibrated on the other take.
+    calibrated : Trajectories
+        The same markers in the other take; bodies whose poses do not belong together are seen in frames of their own.
+    parameters : LabelParameters
+        How to label.
+    monitor : Monitor
+        Receives progress, and may cancel.
+
+    Returns
+    -------
+    ndarray of intp, shape (n_points,)
+        Marker of each point by the same numbers, -1 for none.
+    """
+    rate, _ = frame_rate(points.cloud, parameters)
+    take = FollowedCloud(points.cloud, points.tracks.astype(np.int32), rate, typical_spacing(points.cloud))
+    task, takes = LabelTask(take, parameters), _TwoTakes.of(take, calibrated)
+    before, best, evidence = marker_of_point, marker_of_point, -np.inf
+    for _ in range(MOST_TURNS):
+        fitted = _fitted(task, before.astype(np.int32), calibrated.n_markers, monitor)
+        found = takes.put_right(fitted).astype(np.intp)
+        if (more := takes.evidence(found)) <= evidence:
+            break
+        n_changed, best, evidence = int((found != before).sum()), found, more
+        if n_changed <= UNCHANGED * len(found):
+            break
+        before, _ = pose_and_reassign(points, found, skeleton, monitor)
+    return best
+
+
+def _fitted(task: LabelTask, best: Ints, n_markers: int, monitor: Monitor) -> Ints:
+    """Labels with those of a skeleton that is fitted to them, added or instead."""
+    take, refined = task.take, refine_labels(task, best, monitor)
+    completed = point_labels.with_unexplained(best, complete_markers(take, refined), task.least_alone)
+    found = point_labels.numbered_as(best, completed)
+    evidence, chance = take.evidence(best)
+    filled = point_labels.filled_labels(take.cloud, [best, found], n_markers)
+    for labels, least in ((filled, 0.0), (found, chance)):
+        if (more := take.evidence(labels)[0]) >= evidence + least:
+            best, evidence = labels, more
+    return best
+
+
+@dataclass(frozen=True, eq=False)
+class _TwoTakes:
+    """Moments of a take in which all markers are known, a pause, and behind it a take that is labelled.
+
+    Attributes
+    ----------
+    both : FollowedCloud
+        Both as one.
+    known : ndarray of int32, shape (n_known_points,)
+        Marker of each point of those moments.
+    """
+
+    both: FollowedCloud
+    known: Ints
+
+    @classmethod
+    def of(cls, take: FollowedCloud, calibrated: Trajectories) -> "_TwoTakes":
+        """Put moments of a calibrated take before another one."""
+        moments = sample_frames(calibrated.rate, 0, calibrated.n_frames)
+        positions = calibrated.positions[moments[spread_frames(len(moments), MOST_KNOWN)]]
+        frame, known = np.nonzero(~np.isnan(positions[:, :, 0]))
+        pause = np.full(int(LONGEST * take.rate) + 1, len(known))
+        starts = [np.searchsorted(frame, np.arange(len(positions))), pause, take.cloud.frame_starts + len(known)]
+        frame_starts = np.concatenate(starts)
+        points = np.concatenate([positions[frame, known], take.cloud.points])
+        cloud = PointCloud(points, frame_starts, np.arange(len(frame_starts) - 1) / take.rate)
+        tracks = np.concatenate([known + take.track_of_point.max(initial=-1) + 1, take.track_of_point])
+        both = replace(take, cloud=cloud, track_of_point=tracks.astype(np.int32), n_known=len(positions))
+        return cls(both, known.astype(np.int32))
+
+    def evidence(self, marker_of_point: Ints) -> float:
+        """How well labels of the take explain both, where moments count by how much the posture changes [nats]."""
+        judge = replace(self.both, by_posture=True)
+        return judge.evidence(np.concatenate([self.known, marker_of_point.astype(np.int32)]))[0]
+
+    def put_right(self, marker_of_point: Ints) -> Ints:
+        """Marker of each point of the take when all that distances of both takes tell is put right."""
+        both = self.both
+        found = put_right(both, np.concatenate([self.known, marker_of_point]))
+        found = label_leftovers(both, found, both.distances(found), MOST_EXISTENCE)
+        unknown = np.where(np.isin(marker_of_point, self.known), -1, marker_of_point)
+        named = np.concatenate([self.known, unknown])
+        return point_labels.numbered_as(named, label_rest(both, found))[len(self.known) :]
