@@ -23,21 +23,27 @@ _BLOCK = 1 << 20  # bytes read at once
 _SHOWN_OF_NAME = 32  # characters of a file's name in that of its temporary file
 
 
-def open_regular(path: Path) -> BinaryIO:
+@contextlib.contextmanager
+def open_regular(path: Path) -> Iterator[BinaryIO]:
     """Open a file for reading; never waits for a pipe or a device, which may have no end.
 
     Raises
     ------
     FormatError
-        If it cannot be opened, or is a folder, a pipe or a device.
+        If it cannot be opened or read, or is a folder, a pipe or a device.
     """
     try:
         if not stat.S_ISREG(path.stat().st_mode):
             what = "it is a folder" if path.is_dir() else "it is a pipe or a device, which may never end"
             raise FormatError(path, "", f"cannot be read: {what}; give a file, or write the data into one first")
-        return path.open("rb")
+        opened = path.open("rb")
     except (OSError, ValueError) as error:  # ValueError: a zero character in the name
         raise FormatError(path, "", f"cannot be read: {getattr(error, 'strerror', None) or error}") from error
+    with opened as stream:
+        try:
+            yield stream
+        except OSError as error:
+            raise FormatError(path, "", f"cannot be read: {error.strerror or error}") from error
 
 
 def read_content(path: Path, most: int = -1) -> bytes:
@@ -51,10 +57,7 @@ def read_content(path: Path, most: int = -1) -> bytes:
         Only so many from its beginning.
     """
     with open_regular(path) as stream:
-        try:
-            return stream.read(most)
-        except OSError as error:
-            raise FormatError(path, "", f"cannot be read: {error.strerror or error}") from error
+        return stream.read(most)
 
 
 @contextlib.contextmanager
@@ -130,7 +133,7 @@ def arriving_together(folder: Path) -> Iterator[Path]:
 
 
 def sha256_of(path: Path) -> str:
-    """Return the checksum of a file's content as a hexadecimal text; errors as of `open_regular`, and OSError."""
+    """Return the checksum of a file's content as a hexadecimal text; errors as of `open_regular`."""
     digest = hashlib.sha256()
     with open_regular(path) as stream:
         while block := stream.read(_BLOCK):

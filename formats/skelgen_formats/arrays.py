@@ -70,8 +70,6 @@ def _arrays(path: Path) -> dict[str, NDArray[Any]]:
             stream.seek(0)
             one = _one(path, stream, size)
             return {name: one[name] for name in one.dtype.names} if one.dtype.names else {"": one}
-    except OSError as error:
-        raise FormatError(path, "", f"cannot be read: {error.strerror or error}") from error
     except _BROKEN as error:
         what = f"no file of NumPy arrays, or damaged: {' '.join(str(error).split())[:100]}"
         raise FormatError(path, "", what) from error

@@ -299,8 +299,8 @@ def bone_facts(skeleton: Skeleton, turns: Floats) -> dict[int, tuple[Joint, Floa
         above, below = turns[joint.parent], turns[joint.child]
         axis = None if joint.axis is None else joint.axis @ above
         second = None if joint.second_axis is None else joint.second_axis @ below
-        covariance = np.diag(joint.std**2) if joint.covariance is None else joint.covariance
-        facts[joint.child] = (joint, axis, second, np.sqrt(np.maximum(np.diag(above.T @ covariance @ above), 0.0)))
+        variances = np.diag(above.T @ joint.place_covariance @ above)
+        facts[joint.child] = joint, axis, second, np.sqrt(np.maximum(variances, 0.0))
     return facts
 
 

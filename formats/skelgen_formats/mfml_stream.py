@@ -172,8 +172,6 @@ class Content:
         try:
             with open_regular(self.path) as stream:
                 self.view = mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ)
-        except OSError as error:
-            raise FormatError(self.path, "", f"cannot be read: {error.strerror or error}") from error
         except ValueError as error:  # an empty file cannot be mapped
             raise FormatError(self.path, "", "the file is empty") from error
         return self

@@ -90,7 +90,7 @@ def take_from_arrays(
     """
     notices: list[str] = []
     arrays = {key: _without_grades(_unflattened(key, array)) for key, array in arrays.items()}
-    numbers, names = _bodies(path, arrays) or _positions(path, arrays, notices, otherwise)
+    numbers, names = _bodies(arrays) or _positions(path, arrays, notices, otherwise)
     numbers = _without_unseen(numbers, names, arrays, notices)
     if options.sample:
         numbers = numbers[options.sample.of(np.arange(len(numbers)))]
@@ -173,8 +173,7 @@ def _without_grades(array: NDArray[Any]) -> NDArray[Any]:
     """Return places without how sure each is, NaN where not at all."""
     if not _are_grades(array):
         return array
-    are_unseen = (array[..., 3:] == 0) & array[..., 3:].any()
-    return np.where(are_unseen, np.nan, array[..., : len(AXES)])
+    return np.where((array[..., 3:] == 0) & array[..., 3:].any(), np.nan, array[..., : len(AXES)])
 
 
 def _with_people_apart(arrays: Arrays, notices: list[str]) -> tuple[dict[str, NDArray[Any]], dict[str, list[str]]]:
@@ -341,7 +340,7 @@ def _titled(arrays: Arrays) -> tuple[NDArray[Any], list[str]] | None:
     return None
 
 
-def _bodies(path: Path, arrays: Arrays) -> tuple[Floats, list[str]] | None:
+def _bodies(arrays: Arrays) -> tuple[Floats, list[str]] | None:
     """Return places and matrices of the only array of poses, shape (n_frames, n_bodies, 4, 4), and names, if any."""
     fitting = [
         one for one in arrays.values() if one.dtype.kind == "f" and one.ndim in (3, 4) and one.shape[-2:] == (4, 4)

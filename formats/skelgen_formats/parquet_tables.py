@@ -40,8 +40,8 @@ def read_parquet(path: Path, options: Options) -> Trajectories | PointCloud | Po
         from pyarrow import ArrowException, parquet  # noqa: PLC0415 - an extra
     except ImportError as error:
         raise MissingPackageError(f"{path}: Parquet needs `pip install skelgen-mocap[tables]`") from error
-    try:
-        with open_regular(path) as stream:
+    with open_regular(path) as stream:
+        try:
             file = parquet.ParquetFile(stream)
             titles = list(file.schema_arrow.names)
             head = in_one_line([titles])
@@ -55,11 +55,11 @@ def read_parquet(path: Path, options: Options) -> Trajectories | PointCloud | Po
             if size > _MOST_TIMES * path.stat().st_size + _FREE_MEMORY:
                 raise FormatError(path, "", f"announces {size} bytes of numbers, far more than such a file holds")
             table: Any = file.read(names)
-        if head is None:
-            return _of_text(path, table, options)
-        numbers = np.stack([_numbers(path, table.column(name)) for name in names], axis=1)
-    except (ArrowException, OSError, ValueError) as error:
-        raise FormatError(path, "", f"no Parquet file, or damaged: {' '.join(str(error).split())}") from error
+            if head is None:
+                return _of_text(path, table, options)
+            numbers = np.stack([_numbers(path, table.column(name)) for name in names], axis=1)
+        except (ArrowException, OSError, ValueError) as error:
+            raise FormatError(path, "", f"no Parquet file, or damaged: {' '.join(str(error).split())}") from error
     frames = np.arange(len(numbers))
     sampled = options.sample.of(frames) if options.sample else frames
     times = _stamps(numbers[:, len(wanted) :], head.clock) if head.clock else None

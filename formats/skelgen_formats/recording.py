@@ -9,7 +9,6 @@ captured again.
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from types import TracebackType
 from typing import BinaryIO, Self
 
 import numpy as np
@@ -55,9 +54,7 @@ class Recorder:
         """Return itself: frames can be added."""
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *exception: object) -> None:
         """Close the file, whatever happened; there is none without frames."""
         self.close()
 

@@ -4,17 +4,16 @@ import contextlib
 import csv
 import math
 import re
-import tomllib
 from array import array
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import UTC, datetime
-from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from skelgen.errors import FormatError
+from skelgen.files import read_table
 from skelgen.model.arrays import Floats
 from skelgen.progress import counted
 
@@ -37,10 +36,9 @@ _FORMULAS = ("=", "+", "-", "@", "\t", "\r")
 _SHOWN_CHARACTERS = 40  # of a bad cell in an error: enough to find it, not a screenful
 
 
-@cache
 def words_of(name: str) -> dict[str, Any]:
     """Return what a table of words holds that stands as data beside the readers."""
-    return tomllib.loads(Path(__file__).with_name("tables").joinpath(f"{name}.toml").read_text(encoding="utf-8"))
+    return read_table(__file__, name)
 
 
 def split_cells(path: Path, line: str, number: int, delimiter: str) -> list[str]:

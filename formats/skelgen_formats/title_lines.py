@@ -179,10 +179,10 @@ def under_names(rows: list[list[str]]) -> Head | None:
     return found
 
 
-def _triples(names: Sequence[str], axes: Sequence[str], first: int) -> list[Body]:
-    """Points whose columns stand side by side."""
+def _triples(names: Sequence[str], axes: Sequence[str]) -> list[Body]:
+    """Points whose columns stand side by side, behind the first column."""
     lower = [axis.lower() for axis in axes]
-    starts = (at for at in range(first, min(len(names), len(axes) - 2)) if lower[at : at + 3] == [*AXES])
+    starts = (at for at in range(1, min(len(names), len(axes) - 2)) if lower[at : at + 3] == [*AXES])
     return [Body(names[at], place={axis: at + step for step, axis in enumerate(AXES)}) for at in starts]
 
 
@@ -195,7 +195,7 @@ def deeplabcut(rows: list[list[str]]) -> Head | None:
     people = titled.get("individuals", [""] * len(parts))
     several = len(set(people[1:])) > 1
     names = [f"{person}:{part}" if several else part for person, part in zip(people, parts, strict=False)]
-    return Head(_triples(names, coords, 1), n_cells=len(coords), n_lines=len(titled))
+    return Head(_triples(names, coords), n_cells=len(coords), n_lines=len(titled))
 
 
 def is_visual3d(rows: list[list[str]]) -> bool:
@@ -210,7 +210,7 @@ def visual3d(rows: list[list[str]]) -> Head | None:
     files, names, kinds, _, axes = rows[:5]
     found = Head([], n_cells=len(axes), n_lines=5)
     left_out = 0
-    for body in _triples(names[: min(map(len, rows[:5]))], axes, 1):
+    for body in _triples(names[: min(map(len, rows[:5]))], axes):
         first = body.place["x"]
         if kinds[first].upper() not in _VISUAL3D:
             continue

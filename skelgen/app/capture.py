@@ -10,10 +10,9 @@ from contextlib import ExitStack, closing
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
-from skelgen_formats.capture_settings import read_settings, write_settings
+from skelgen_formats.capture_settings import write_settings
 
 from skelgen.app.recording import Recording, check_recording
 from skelgen.app.room import read_capture_settings
@@ -22,20 +21,15 @@ from skelgen.capture.bodies.design import check_targets
 from skelgen.capture.bodies.prediction import PredictionParameters
 from skelgen.capture.calibration.body import BodyCalibration, calibrate_body
 from skelgen.capture.calibration.joints import JointCalibration, calibrate_joints
-from skelgen.capture.live import Captured, MotionCapture, PointFinder, search_parameters
+from skelgen.capture.live import Captured, MotionCapture, Recogniser, search_parameters
 from skelgen.capture.markers import ImageHealth
-from skelgen.capture.parameters import BodyParameters, DetectionParameters
 from skelgen.capture.values import FoundBody, FrameSource, JointRequest, StereoPoints
 from skelgen.errors import InputError
 from skelgen.model.rig import AnySettings, CameraRig, CaptureSettings, RoomSettings, StereoRig, TargetJoint
 from skelgen.progress import SILENT, Monitor, with_progress
 
-if TYPE_CHECKING:
-    from skelgen.capture.room.live import RoomCapture, RoomCaptured
-    from skelgen.capture.room.points import RoomSource
 
-
-def source_of(settings: AnySettings, text: str | None = None) -> "FrameSource | RoomSource":
+def source_of(settings: AnySettings, text: str | None = None) -> FrameSource:
     """Return the source that a text names, or else the one of the settings.
 
     Parameters
@@ -71,18 +65,18 @@ def source_of(settings: AnySettings, text: str | None = None) -> "FrameSource | 
 
 def capture(
     settings: AnySettings,
-    source: "FrameSource | RoomSource",
+    source: FrameSource,
     record: Sequence[Path] = (),
     prediction: PredictionParameters | None = None,
     n_frames: int | None = None,
-) -> "Generator[Captured | RoomCaptured, None, None]":
+) -> Generator[Captured]:
     """Run a capture with two cameras or with those of a room; closing the iterator ends it cleanly.
 
     Parameters
     ----------
     settings : CaptureSettings or RoomSettings
         Cameras, targets, joints.
-    source : FrameSource or RoomSource
+    source : FrameSource
         Not yet entered.
     record : sequence of Path
         Files that are recorded while it runs, with the suffixes of `RECORDINGS`.
@@ -100,8 +94,8 @@ def capture(
     for path in record:
         check_recording(path, settings)
     with ExitStack() as stack:
-        live: Any = stack.enter_context(_live(settings, prediction))
-        pairs: Any = stack.enter_context(source)
+        live = stack.enter_context(_live(settings, prediction))
+        pairs = stack.enter_context(source)
         recordings = [stack.enter_context(Recording(path, settings, source.rate)) for path in record]
         for captured in live.run(islice(pairs, n_frames)):
             for recording in recordings:
@@ -109,7 +103,7 @@ def capture(
             yield captured
 
 
-def _live(settings: AnySettings, prediction: PredictionParameters | None) -> "MotionCapture | RoomCapture":
+def _live(settings: AnySettings, prediction: PredictionParameters | None) -> Recogniser:
     if isinstance(settings, RoomSettings):
         from skelgen.capture.room.live import RoomCapture  # noqa: PLC0415 - loads kernels
 
@@ -119,7 +113,7 @@ def _live(settings: AnySettings, prediction: PredictionParameters | None) -> "Mo
 
 def calibrate_body_of(
     settings: AnySettings,
-    source: "FrameSource | RoomSource",
+    source: FrameSource,
     name: str,
     n_balls: int | None = None,
     n_frames: int | None = None,
@@ -131,7 +125,7 @@ def calibrate_body_of(
     ----------
     settings : CaptureSettings or RoomSettings
         What the capture knows.
-    source : FrameSource or RoomSource
+    source : FrameSource
         Pairs of images of the target that is turned.
     name : str
         What the target is called.
@@ -171,9 +165,7 @@ def _with_body(settings: AnySettings, done: BodyCalibration, stated: float) -> A
     bodies = bodies if target.name in names else [*bodies, target]
     check_targets(bodies, search_parameters(settings))
     noise = max(body.noise for body in bodies) or settings.rig.noise
-    if isinstance(settings, RoomSettings):
-        return replace(settings, bodies=bodies, rig=replace(settings.rig, noise=noise))
-    return replace(settings, bodies=bodies, rig=replace(settings.rig, noise=noise))
+    return replace(settings, bodies=bodies).with_rig(replace(settings.rig, noise=noise))
 
 
 def _outdated(settings: AnySettings, name: str) -> tuple[str, ...]:
@@ -186,7 +178,7 @@ def _outdated(settings: AnySettings, name: str) -> tuple[str, ...]:
 
 def calibrate_joints_of(
     settings: AnySettings,
-    source: "FrameSource | RoomSource",
+    source: FrameSource,
     requests: Sequence[JointRequest] = (),
     n_frames: int | None = None,
     monitor: Monitor = SILENT,
@@ -198,7 +190,7 @@ def calibrate_joints_of(
     ----------
     settings : CaptureSettings or RoomSettings
         What the capture knows.
-    source : FrameSource or RoomSource
+    source : FrameSource
         Pairs of images of the joints that are moved.
     requests : sequence of JointRequest
         Joints that are stated; all are found if there are none.
@@ -242,34 +234,23 @@ def with_joints(settings: AnySettings, done: JointCalibration) -> AnySettings:
 
 
 def _points_of(
-    settings: AnySettings, source: "FrameSource | RoomSource", n_frames: int | None, monitor: Monitor
+    settings: AnySettings, source: FrameSource, n_frames: int | None, monitor: Monitor
 ) -> list[StereoPoints]:
-    """Points of every pair of a source; an error if hardly any ball is in both images, as with exchanged cameras."""
+    """Points of every moment of a source; an error if hardly any ball is in both images of a pair, as if exchanged."""
     monitor.begin("images")
-    if isinstance(settings, RoomSettings):
-        return _points_in_room(settings, cast("RoomSource", source), n_frames, monitor)
-    source = cast("FrameSource", source)
-    finder, health, found = PointFinder(settings), ImageHealth(settings.rig), []
-    finder.load()
-    with source as pairs:
-        total = min(count for count in (n_frames, source.n_frames, 10**9) if count is not None)
-        for pair in with_progress(islice(pairs, n_frames), total, monitor):
-            left, right, points = finder.find(pair)
-            health.look(pair, left, right, points)
-            found.append(points)
-    health.check(source.name)
-    return found
-
-
-def _points_in_room(
-    settings: RoomSettings, source: "RoomSource", n_frames: int | None, monitor: Monitor
-) -> list[StereoPoints]:
+    health = None if isinstance(settings, RoomSettings) else ImageHealth(settings.rig)
     found, notices = [], list[str]()
     total = min(count for count in (n_frames, source.n_frames, 10**9) if count is not None)
     with closing(capture(replace(settings, bodies=(), joints=()), source, n_frames=n_frames)) as stream:
         for captured in with_progress(stream, total, monitor):
             found.append(captured.points)
-            notices += captured.notices
+            if health is None:
+                notices += captured.notices
+            else:
+                left, right = captured.views
+                health.look(captured.pair, left, right, captured.points)
+    if health is not None:
+        health.check(source.name)
     for sentence in dict.fromkeys(notices):
         monitor.notice(sentence)
     return found
@@ -279,23 +260,26 @@ _CAMERAS = ("firewire:", "gige:", "gentl:")
 """Sources that are cameras: the next capture comes from them too."""
 
 
-def save_cameras(rig: StereoRig, path: Path, before: Path | None, source: str) -> int:
-    """Write a calibrated rig into a settings file; return how many bodies and joints were kept.
+def save_cameras(rig: StereoRig | CameraRig, path: Path, before: Path | None, source: str = "") -> int:
+    """Write calibrated cameras into a settings file; return how many bodies and joints were kept.
 
     Parameters
     ----------
-    rig : StereoRig
+    rig : StereoRig or CameraRig
         The calibrated cameras.
     path : Path
         The file.
     before : Path or None
-        A settings file whose bodies, joints and other settings are kept, if it is there.
+        A settings file whose bodies, joints and other settings are kept, if it is there, and of a pair or a room, too.
     source : str
-        Source of the images; it is written into the settings if it is cameras.
+        Source of the images; it is written into the settings of a pair if it is cameras.
     """
-    settings = CaptureSettings(rig, source=source if source.startswith(_CAMERAS) else "")
-    if before is not None and before.exists():
-        settings = replace(read_settings(before, DetectionParameters, BodyParameters), rig=rig)
+    settings: AnySettings = RoomSettings(rig) if isinstance(rig, CameraRig) else CaptureSettings(rig)
+    known = read_capture_settings(before) if before is not None and before.exists() else None
+    if isinstance(known, type(settings)):
+        settings = known.with_rig(rig)
+    elif source.startswith(_CAMERAS):
+        settings = replace(settings, source=source)
     write_settings(settings, path)
     return len(settings.bodies) + len(settings.joints)
 

@@ -100,13 +100,13 @@ def compare_results(one: Project, other: Project) -> Comparison:
     return Comparison(markers, limbs, _joints(one, other, limbs))
 
 
-def comparison_sentences(one: Project, other: Project, found: Comparison) -> tuple[str, ...]:
+def comparison_sentences(other: Project, found: Comparison) -> tuple[str, ...]:
     """Return what is the same and what is not, in three sentences at most.
 
     Parameters
     ----------
-    one, other : Project
-        The two results.
+    other : Project
+        The second of the two results.
     found : Comparison
         From `compare_results`.
     """

@@ -5,7 +5,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib import resources
 from pathlib import Path
-from typing import Any
 
 from skelgen_formats import registry
 from skelgen_formats.capture_settings import write_settings
@@ -22,7 +21,7 @@ from skelgen.errors import FormatError, InputError, WriteError
 from skelgen.files import read_content, replacing
 from skelgen.model import PointCloud, Poses, Project, Take, Trajectories
 from skelgen.model.filled import Filled
-from skelgen.model.rig import CaptureSettings, RoomSettings
+from skelgen.model.rig import AnySettings, RoomSettings
 from skelgen.parameters import ParameterValue
 from skelgen.progress import SILENT, Monitor
 
@@ -103,7 +102,7 @@ def open_input(
 
 @with_checked_arguments
 def write(
-    value: Project | Take | Filled | CaptureSettings | RoomSettings,
+    value: Project | Take | Filled | AnySettings,
     path: Path | str,
     format: str | None = None,
     **options: ParameterValue,
@@ -149,7 +148,7 @@ def write(
 
 
 def write_any(
-    value: Project | Take | Filled | CaptureSettings | RoomSettings,
+    value: Project | Take | Filled | AnySettings,
     path: Path | str,
     format: str | None = None,
     **options: ParameterValue,
@@ -161,7 +160,7 @@ def write_any(
     value, path, format, **options
         As of `write`.
     """
-    if isinstance(value, CaptureSettings | RoomSettings):
+    if isinstance(value, AnySettings):
         write_settings(value, Path(path))
         return [Path(path)]
     if isinstance(value, Filled):
@@ -303,7 +302,7 @@ def _read_stereo(path: Path | str, source: str = "", frames: int = 0, *, monitor
 
     path = Path(path)
     settings = read_capture_settings(path)
-    images: Any = source_of(settings, source)  # those that belong to the settings
+    images = source_of(settings, source)
     if isinstance(settings, RoomSettings):
         return markers_of_room(settings, images, n_frames=frames or None, name=path.name, monitor=monitor)
     return markers_of(settings, images, n_frames=frames or None, name=path.name, monitor=monitor)

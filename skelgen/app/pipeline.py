@@ -13,7 +13,7 @@ from skelgen.app.corrections import is_by_subject
 from skelgen.app.first_look import doubt_of_unit
 from skelgen.app.inputs import check_take
 from skelgen.app.stages import PIPELINE, Stage, with_result
-from skelgen.errors import InputError, MissingResultError
+from skelgen.errors import InputError
 from skelgen.model import Limbs, Poses, Project, StageReport, Trajectories
 from skelgen.model.limbs import with_names_of_limbs
 from skelgen.model.project import STAGES
@@ -149,9 +149,7 @@ def _stages_between(project: Project, from_stage: str | None, until_stage: str |
     first = STAGES.index(from_stage or first_missing_stage(project))
     if first > last:
         raise InputError(f"the stage {STAGES[first]!r} comes after {STAGES[last]!r}; the order is {', '.join(STAGES)}")
-    for name in STAGES[:first]:
-        if not project.has(name):
-            raise MissingResultError(f"the stage {STAGES[first]!r} needs the result of {name!r}; run that first")
+    project.check_before(STAGES[first])
     return PIPELINE[first : last + 1]
 
 

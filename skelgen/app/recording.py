@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 import numpy as np
@@ -11,16 +10,15 @@ from skelgen_formats.recording import C3dRecorder, MfmlRecorder
 from skelgen.capture.bodies import resolved_points
 from skelgen.capture.live import Captured
 from skelgen.capture.markers import misfit_in_space
-from skelgen.capture.room.live import RoomCaptured
 from skelgen.errors import InputError
 from skelgen.model.arrays import Floats
-from skelgen.model.rig import BodyTarget, CaptureSettings, RoomSettings
+from skelgen.model.rig import AnySettings, BodyTarget
 
 RECORDINGS = (".mfml", ".c3d")
 """Suffixes of recordings: all points without names, and the balls of the targets with theirs."""
 
 
-def check_recording(path: Path, settings: CaptureSettings | RoomSettings) -> None:
+def check_recording(path: Path, settings: AnySettings) -> None:
     """Check that a capture can be recorded into a file of this name, or raise `InputError`.
 
     Parameters
@@ -55,7 +53,7 @@ class Recording:
         If it cannot be recorded.
     """
 
-    def __init__(self, path: Path, settings: CaptureSettings | RoomSettings, rate: float | None) -> None:
+    def __init__(self, path: Path, settings: AnySettings, rate: float | None) -> None:
         check_recording(path, settings)
         self.path, self._settings = path, settings
         rig = settings.rig
@@ -70,9 +68,7 @@ class Recording:
         """Return itself: the file is open."""
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *exception: object) -> None:
         """Close the file, whatever happened."""
         self.close()
 
@@ -80,7 +76,7 @@ class Recording:
         """Make the file whole and close it; one without frames is removed."""
         self._recorder.close()
 
-    def add(self, captured: Captured | RoomCaptured) -> None:
+    def add(self, captured: Captured) -> None:
         """Append what was found at one moment."""
         if isinstance(self._recorder, C3dRecorder):
             positions = ball_positions(self._settings.bodies, captured)
@@ -97,14 +93,14 @@ def _ball_names(bodies: Sequence[BodyTarget]) -> list[str]:
     return [f"{body.name}:{ball + 1}" for body in bodies for ball in range(len(body.points))]
 
 
-def ball_positions(bodies: Sequence[BodyTarget], captured: Captured | RoomCaptured) -> Floats:
+def ball_positions(bodies: Sequence[BodyTarget], captured: Captured) -> Floats:
     """Return where all balls of all targets were seen [mm], shape (n_balls, 3); NaN where one was not.
 
     Parameters
     ----------
     bodies : sequence of BodyTarget
         The targets.
-    captured : Captured or RoomCaptured
+    captured : Captured
         One moment with what was found.
     """
     parts = []

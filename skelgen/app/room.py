@@ -1,16 +1,16 @@
-"""A room with many cameras: its settings, its source of images, its calibration with a wand or a board."""
+"""Settings of a capture; a room with many cameras, calibrated with a wand or a board, and its floor."""
 
 import time
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from skelgen_formats.capture_settings import read_any_settings, write_settings
+from skelgen_formats.capture_settings import read_any_settings
 
 from skelgen.capture.parameters import BodyParameters, DetectionParameters
-from skelgen.model.rig import AnySettings, RoomSettings
+from skelgen.model.rig import AnySettings
 from skelgen.progress import SILENT, Monitor
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ class Ground:
 
 def calibrate_room(
     waved: str, wand: Sequence[float], ground: Ground | None = None, monitor: Monitor = SILENT
-) -> "tuple[RoomSettings, WandCalibration]":
+) -> "WandCalibration":
     """Calibrate the cameras of a room from images of a wand and of an L-frame.
 
     Parameters
@@ -76,13 +76,12 @@ def calibrate_room(
             if time.monotonic() - noticed > NOTICE_EVERY:
                 monitor.notice(str(taking.progress()))
                 noticed = time.monotonic()
-    found = on_floor(taking.calibrate(), ground, monitor)
-    return RoomSettings(found.rig), found
+    return on_floor(taking.calibrate(), ground, monitor)
 
 
 def calibrate_room_by_boards(
     held: str, board: "AnyBoard", ground: Ground | None = None, monitor: Monitor = SILENT
-) -> "tuple[RoomSettings, WandCalibration]":
+) -> "WandCalibration":
     """Calibrate the cameras of a room from images of a board that some of them see at a time.
 
     Parameters
@@ -110,8 +109,7 @@ def calibrate_room_by_boards(
 
     source = open_room_source(held)
     frames, sizes = all_seen(source, seen_in(source, lambda image: corners_in(image, board), monitor))
-    found = on_floor(calibrate_boards(np.array(frames), board, sizes, source.cameras), ground, monitor)
-    return RoomSettings(found.rig), found
+    return on_floor(calibrate_boards(np.array(frames), board, sizes, source.cameras), ground, monitor)
 
 
 def on_floor(done: "WandCalibration", ground: Ground | None, monitor: Monitor = SILENT) -> "WandCalibration":
@@ -134,23 +132,10 @@ def on_floor(done: "WandCalibration", ground: Ground | None, monitor: Monitor = 
     if ground is None:
         return done
     from skelgen.capture.room.calibrate import on_ground  # noqa: PLC0415 - loads kernels
-    from skelgen.capture.room.points import balls_of  # noqa: PLC0415
+    from skelgen.capture.room.points import all_seen, detected_balls, seen_in  # noqa: PLC0415
     from skelgen.capture.room.sources import open_room_source  # noqa: PLC0415
     from skelgen.capture.room.wand_and_ground import find_ground  # noqa: PLC0415
 
-    lying, _ = balls_of(open_room_source(ground.source), monitor)
+    source = open_room_source(ground.source)
+    lying, _ = all_seen(source, seen_in(source, detected_balls, monitor))
     return on_ground(done, find_ground(lying, done.rig, ground.arms))
-
-
-def save_room(settings: RoomSettings, path: Path) -> None:
-    """Write calibrated cameras into a settings file; bodies, joints and other settings that stand there are kept.
-
-    Parameters
-    ----------
-    settings : RoomSettings
-        With the calibrated cameras.
-    path : Path
-        The file.
-    """
-    before = read_capture_settings(path) if path.exists() else None
-    write_settings(replace(before, rig=settings.rig) if isinstance(before, RoomSettings) else settings, path)

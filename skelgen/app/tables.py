@@ -290,8 +290,7 @@ def _joint_rows(project: Project) -> list[Row]:
         if project.has("skeleton"):
             joint = project.skeleton.joints[index]
             row["kind"] = joint.kind
-            known = np.diag(joint.std**2) if joint.covariance is None else joint.covariance
-            row["std_mm"] = _across(joint, known)
+            row["std_mm"] = _across(joint, joint.place_covariance)
             row["child_std_mm"] = _across(joint, joint.covariance_in_child)
             row["axis"] = joint.axis.tolist() if joint.axis is not None else None
             row["axis_std_deg"] = None if joint.axis_std is None else float(np.rad2deg(np.linalg.norm(joint.axis_std)))

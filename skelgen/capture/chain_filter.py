@@ -32,7 +32,7 @@ from skelgen.capture.values import FoundBody, StereoPoints
 from skelgen.geometry.rotations import N_POSE, matrix_from_vector, slopes_by_motion, vector_from_matrix
 from skelgen.kinematics.joints.angles import rotation_vector_deviations
 from skelgen.model.arrays import Bools, Floats, Ints
-from skelgen.model.rig import BodyTarget, CaptureSettings, RoomSettings, TargetJoint
+from skelgen.model.rig import AnySettings, BodyTarget, TargetJoint
 
 ITERATIONS = 2
 """Of each correction: angles that changed much since the last frame bend the chain's path."""
@@ -357,9 +357,7 @@ class _Play:
         return out
 
 
-def chain_filters(
-    settings: CaptureSettings | RoomSettings, parameters: prediction.PredictionParameters
-) -> tuple[ChainFilter, ...]:
+def chain_filters(settings: AnySettings, parameters: prediction.PredictionParameters) -> tuple[ChainFilter, ...]:
     """Return a filter for each tree of targets that joints hold together.
 
     Parameters

@@ -13,6 +13,7 @@ takes it off.
 from __future__ import annotations
 
 import math
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,10 +26,10 @@ from skelgen._kernels.camera import outline_offsets
 from skelgen._kernels.touching_balls import MARGIN, find_discs, light_of_spot
 from skelgen.capture.optics import camera_numbers
 from skelgen.capture.parameters import DetectionParameters
-from skelgen.capture.values import Balls, Image
+from skelgen.capture.values import Balls, FrameSet, Image
 from skelgen.errors import InputError
 from skelgen.model.arrays import Bools, Floats
-from skelgen.model.rig import Camera
+from skelgen.model.rig import AnySettings, Camera
 
 _DEFAULTS = DetectionParameters()
 _FLOOR = 0.006  # px: what the grid of pixels makes of a centre without any noise
@@ -76,6 +77,51 @@ def detect_balls(image: Image, parameters: DetectionParameters | None = None) ->
             "keep sunlight and lamps out of the view, or raise the detection's min_area"
         )
     return _Spots(image, thresholds, spots, settings.noise or dark_noise(counts)).balls(settings)
+
+
+class BallFinder:
+    """Images of all cameras to balls.
+
+    Parameters
+    ----------
+    settings : CaptureSettings or RoomSettings
+        The cameras, and the parameters of the detection.
+    executor : Executor, optional
+        Threads for the images.
+    """
+
+    def __init__(self, settings: AnySettings, executor: Executor | None = None) -> None:
+        self._rig, self._executor = settings.rig, executor
+        self._parameters = DetectionParameters.from_mapping(settings.detection, "detection")
+
+    def find(self, frame: FrameSet) -> list[Balls]:
+        """Return the balls that each camera shows; none where an image was lost.
+
+        Raises
+        ------
+        InputError
+            If there are not as many images as cameras, or one has another size than its camera.
+        """
+        cameras = self._rig.cameras
+        if len(frame.images) != len(cameras):
+            raise InputError(
+                f"the source has {len(frame.images)} cameras, and the settings have {len(cameras)}: "
+                f"{', '.join(self._rig.names)}"
+            )
+        run = map if self._executor is None else self._executor.map
+        return list(run(self._balls, frame.images, cameras, self._rig.names))
+
+    def _balls(self, image: Image | None, camera: Camera, name: str) -> Balls:
+        if image is None:
+            return _no_balls("")
+        balls = detect_balls(image, self._parameters)
+        height, width = image.shape
+        if (width, height) != camera.size:
+            raise InputError(
+                f"{name} sends {width} x {height} pixels, and its calibration is for {camera.width} x "
+                f"{camera.height}: these settings are of another rig, or it is in another mode; calibrate it again"
+            )
+        return correct_eccentricity(camera, balls)
 
 
 def _check_image(image: Image) -> None:

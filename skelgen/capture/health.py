@@ -3,7 +3,7 @@
 from collections import deque
 
 from skelgen.capture.optics import match_and_triangulate
-from skelgen.capture.values import Balls, FramePair, StereoPoints
+from skelgen.capture.values import Balls, FrameSet, StereoPoints
 from skelgen.model.rig import StereoRig
 
 WINDOW = 30
@@ -31,12 +31,12 @@ class RigWatch:
         self._matched: deque[float] = deque(maxlen=WINDOW)
         self._swapped: deque[float] = deque(maxlen=WINDOW)
 
-    def notices(self, pair: FramePair, left: Balls, right: Balls, points: StereoPoints) -> tuple[str, ...]:
+    def notices(self, pair: FrameSet, left: Balls, right: Balls, points: StereoPoints) -> tuple[str, ...]:
         """Return what went wrong with a pair, each lasting trouble only when it begins.
 
         Parameters
         ----------
-        pair : FramePair
+        pair : FrameSet
             The images.
         left, right : Balls
             What was found in them.

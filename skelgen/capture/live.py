@@ -5,6 +5,7 @@ Before cameras run, a trial pair of images loads all kernels.
 """
 
 import os
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator
 from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -17,15 +18,14 @@ from skelgen.capture.ball_tracks import BallPairs
 from skelgen.capture.bodies import BodyFinder
 from skelgen.capture.bodies.prediction import CentreNoise, Prediction, PredictionParameters
 from skelgen.capture.chain_filter import chain_filters
-from skelgen.capture.detection import correct_eccentricity, detect_balls
+from skelgen.capture.detection import BallFinder
 from skelgen.capture.health import RigWatch
 from skelgen.capture.optics import match_and_triangulate, project
-from skelgen.capture.parameters import BodyParameters, DetectionParameters
+from skelgen.capture.parameters import BodyParameters
 from skelgen.capture.target_joints import JointAngle, find_angles, pose_error, turned_and_shifted
-from skelgen.capture.values import Balls, FoundBody, FramePair, FrameSource, Image, StereoPoints
-from skelgen.errors import InputError
+from skelgen.capture.values import Balls, FoundBody, FrameSet, Image, StereoPoints
 from skelgen.model.arrays import Floats, Ints
-from skelgen.model.rig import BodyTarget, Camera, CaptureSettings, RoomSettings, StereoRig
+from skelgen.model.rig import AnySettings, BodyTarget, Camera, CaptureSettings, StereoRig
 
 DISTANCE = 1000.0
 """mm from the left camera to the balls: as good as any."""
@@ -38,8 +38,8 @@ RADIUS = 5.0
 
 
 @dataclass(frozen=True, eq=False)
-class Recognised:
-    """What was found in space in the images of one moment.
+class Captured:
+    """All that was found in the images of one moment.
 
     Attributes
     ----------
@@ -53,6 +53,12 @@ class Recognised:
         What the user should know; each trouble is reported once, when it begins.
     latency : float, s
         From the images to the angles.
+    pair : FrameSet
+        The images, with their time and number.
+    views : tuple of Balls
+        Balls in all images.
+    balls : ndarray of intp, shape (n_points, n_cameras)
+        The ball of each point in all images, -1 of cameras that do not see it.
     """
 
     points: StereoPoints
@@ -60,38 +66,9 @@ class Recognised:
     angles: dict[str, JointAngle]
     notices: tuple[str, ...]
     latency: float
-
-
-@dataclass(frozen=True, eq=False)
-class Captured(Recognised):
-    """All that was found in one pair of images.
-
-    Attributes
-    ----------
-    pair : FramePair
-        The images, with their time and number.
-    left, right : Balls
-        Balls in both images.
-    """
-
-    pair: FramePair
-    left: Balls
-    right: Balls
-
-    @property
-    def images(self) -> tuple[Image, ...]:
-        """Those of all cameras, which are two here."""
-        return self.pair.left, self.pair.right
-
-    @property
-    def views(self) -> tuple[Balls, ...]:
-        """The balls in all images."""
-        return self.left, self.right
-
-    @property
-    def balls(self) -> Ints:
-        """The ball of each point in all images, shape (n_points, n_cameras)."""
-        return np.stack([self.points.left, self.points.right], axis=1)
+    pair: FrameSet
+    views: tuple[Balls, ...]
+    balls: Ints
 
 
 class PointFinder:
@@ -106,14 +83,13 @@ class PointFinder:
     """
 
     def __init__(self, settings: CaptureSettings, executor: Executor | None = None) -> None:
-        self.rig, self._executor = settings.rig, executor
-        self._parameters = DetectionParameters.from_mapping(settings.detection, "detection")
+        self.rig, self._balls = settings.rig, BallFinder(settings, executor)
 
     def load(self) -> None:
         """Load the kernels, which takes a second: a camera that already runs would lose pairs meanwhile."""
         self.find(trial_pair(self.rig))
 
-    def find(self, pair: FramePair) -> tuple[Balls, Balls, StereoPoints]:
+    def find(self, pair: FrameSet) -> tuple[Balls, Balls, StereoPoints]:
         """Return the balls of both images and the points that they may be.
 
         Raises
@@ -121,27 +97,12 @@ class PointFinder:
         InputError
             If an image has another size than the camera that was calibrated.
         """
-        self._check_sizes(pair)
-        run = map if self._executor is None else self._executor.map
-        left, right = run(self._balls, (pair.left, pair.right), (self.rig.left, self.rig.right))
+        left, right = self._balls.find(pair)
         return left, right, match_and_triangulate(left, right, self.rig)
 
-    def _balls(self, image: Image, camera: Camera) -> Balls:
-        return correct_eccentricity(camera, detect_balls(image, self._parameters))
 
-    def _check_sizes(self, pair: FramePair) -> None:
-        for side, image, camera in (("left", pair.left, self.rig.left), ("right", pair.right, self.rig.right)):
-            height, width = image.shape
-            if (width, height) != camera.size:
-                raise InputError(
-                    f"the {side} image of frame {pair.index} has {width} x {height} pixels, the {side} camera of the "
-                    f"settings {camera.width} x {camera.height}; these settings are of another rig, or the cameras are "
-                    "in another mode"
-                )
-
-
-class Recogniser:
-    """Points to bodies and joint angles, from frame to frame; kernels are loaded by `load`.
+class Recogniser(ABC):
+    """Images of all cameras to joint angles; a context manager that loads the kernels, before cameras run.
 
     Parameters
     ----------
@@ -155,7 +116,7 @@ class Recogniser:
 
     def __init__(
         self,
-        settings: CaptureSettings | RoomSettings,
+        settings: AnySettings,
         prediction: PredictionParameters | None,
         executor: Executor | None,
     ) -> None:
@@ -166,10 +127,28 @@ class Recogniser:
         self._chains = chain_filters(settings, prediction) if prediction is not None and prediction.joints else ()
         self._raw: list[FoundBody] = []  # of the last frame, as they were found
 
+    @abstractmethod
+    def __enter__(self) -> Self: ...
+
     def __exit__(self, *exception: object) -> None:
         """End the threads."""
         if self._executor is not None:
             self._executor.shutdown()
+
+    def run(self, source: Iterable[FrameSet]) -> Iterator[Captured]:
+        """Yield what is found in each set of images of an open source, in order.
+
+        Raises
+        ------
+        SkelgenError
+            What the source raises when it breaks off, after all sets that came before.
+        """
+        for pair in source:
+            yield self.see(pair)
+
+    @abstractmethod
+    def see(self, pair: FrameSet) -> Captured:
+        """Return what is found in one set of images."""
 
     def load(self) -> None:
         """Load the kernels, which takes a second: cameras that already run would lose images meanwhile."""
@@ -247,8 +226,6 @@ class MotionCapture(Recogniser):
         sizes = settings.rig.left.size, settings.rig.right.size
         self._pairs = BallPairs(*sizes) if prediction is not None and prediction.balls else None
         self._watch, self._noise = RigWatch(settings.rig), CentreNoise(settings.rig.noise)
-        self.n_frames = 0
-        self.n_dropped = 0
 
     def __enter__(self) -> Self:
         """Load the kernels before cameras run; see `PointFinder.load`."""
@@ -256,18 +233,7 @@ class MotionCapture(Recogniser):
         self.load()
         return self
 
-    def run(self, source: FrameSource | Iterable[FramePair]) -> Iterator[Captured]:
-        """Yield what is found in each pair of an open source, in order.
-
-        Raises
-        ------
-        SkelgenError
-            What the source raises when it breaks off, after all pairs that came before.
-        """
-        for pair in source:
-            yield self.see(pair)
-
-    def see(self, pair: FramePair) -> Captured:
+    def see(self, pair: FrameSet) -> Captured:
         """Return what is found in one pair."""
         start = perf_counter()
         left, right, points = self._points.find(pair)
@@ -276,10 +242,8 @@ class MotionCapture(Recogniser):
             points = self._pairs.resolved(left, right, points, pair.time)
         bodies, angles = self.recognise(points, pair.time)
         self._measure_noise()
-        self.n_frames += 1
-        self.n_dropped += pair.dropped
-        latency = perf_counter() - start
-        return Captured(points, bodies, angles, notices, latency, pair, left, right)
+        balls = np.stack([points.left, points.right], axis=1)
+        return Captured(points, bodies, angles, notices, perf_counter() - start, pair, (left, right), balls)
 
     def _measure_noise(self) -> None:
         """Weigh balls by the noise that targets show, where the filters use it and the rig states more."""
@@ -293,16 +257,16 @@ class MotionCapture(Recogniser):
                 chain.in_units_of(factor)
 
 
-def search_parameters(settings: CaptureSettings | RoomSettings) -> BodyParameters:
+def search_parameters(settings: AnySettings) -> BodyParameters:
     """Return the limits of the search for targets that settings state."""
     return BodyParameters.from_mapping(settings.search, "search")
 
 
-def trial_pair(rig: StereoRig) -> FramePair:
+def trial_pair(rig: StereoRig) -> FrameSet:
     """Return images of a few bright discs, where balls before both cameras would be."""
     in_left = np.column_stack([BALLS, np.full((len(BALLS), 1), DISTANCE), np.ones((len(BALLS), 1))])
     world = in_left @ np.linalg.inv(rig.left.camera_from_world).T
-    return FramePair(_image(rig.left, world[:, :3]), _image(rig.right, world[:, :3]), time=0.0, index=0)
+    return FrameSet(tuple(_image(camera, world[:, :3]) for camera in (rig.left, rig.right)), time=0.0, index=0)
 
 
 def trial_points(target: BodyTarget) -> StereoPoints:

@@ -1,9 +1,8 @@
-"""What the steps of the capture hand on: pairs of images and their source, balls, points in space, bodies."""
+"""What the steps of the capture hand on: images and their source, balls, points in space, bodies."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from types import TracebackType
-from typing import Protocol, Self
+from typing import Protocol, Self, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -150,6 +149,25 @@ def start_from_text(text: str) -> tuple[Place, Place]:
     return (a, b, c), (x, y, z)
 
 
+def numbers_from_text(text: str, what: str) -> tuple[float, ...]:
+    """Return two or three numbers [mm] that a text states, as in ``0,180,500``.
+
+    Parameters
+    ----------
+    text : str
+        The numbers, with commas between them.
+    what : str
+        What they are of, for the error.
+    """
+    try:
+        values = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        values = ()
+    if len(values) not in {2, 3}:
+        raise InputError(f"{what} is {text!r}; two or three numbers in mm belong there, with commas between them")
+    return values
+
+
 def frames_from_text(text: str) -> int | list[int] | None:
     """Return the number of frames that a text states, or indices as in ``0,10,20``; None where it is empty."""
     if not text.strip():
@@ -165,76 +183,75 @@ def frames_from_text(text: str) -> int | list[int] | None:
 
 Image = NDArray[np.uint8]
 
+SIDES = ("left", "right")
+"""What the cameras of a pair are called."""
+
 
 @dataclass(frozen=True, eq=False)
-class FramePair:
-    """One moment seen by both cameras.
+class FrameSet:
+    """One moment seen by all cameras, which are two or those of a room.
 
     Attributes
     ----------
-    left, right : ndarray of uint8, shape (height, width)
-        Grey images; not to be written to, and valid only until the next pair unless copied.
+    images : tuple of ndarray of uint8, shape (height, width), or None
+        Grey images in the order of the cameras; not to be written to, and valid only until the next set unless copied.
+        None where one was lost, which two cameras never deliver.
     time : float, s
-        Since the first pair.
+        Since the first set.
     index : int
-        Number of the pair since the source was opened, lost ones counted.
+        Number of the set since the source was opened, lost ones counted.
     dropped : int
-        Pairs that were lost between the pair before and this one.
+        Sets that were lost between the set before and this one.
     """
 
-    left: Image
-    right: Image
+    images: tuple[Image | None, ...]
     time: float
     index: int
     dropped: int = 0
 
-    def __post_init__(self) -> None:
-        for side, image in (("left", self.left), ("right", self.right)):
-            if image.ndim != 2 or image.dtype != np.uint8:
-                raise InputError(
-                    f"the {side} image of frame {self.index} has shape {image.shape} and type {image.dtype}; "
-                    "grey images of 8 bits are needed"
-                )
+    @property
+    def left(self) -> Image:
+        """The image of the first of two cameras."""
+        return cast(Image, self.images[0])
+
+    @property
+    def right(self) -> Image:
+        """The image of the second of two cameras."""
+        return cast(Image, self.images[1])
 
 
 class FrameSource(Protocol):
-    """What delivers pairs: cameras, files or the simulated rig; a context manager, iterated once."""
+    """What delivers images: cameras, files or what is simulated; a context manager, iterated once."""
 
     @property
     def name(self) -> str:
         """What it is, for messages and files."""
 
     @property
-    def size(self) -> tuple[int, int]:
-        """Width and height [px] of both images."""
+    def cameras(self) -> tuple[str, ...]:
+        """What the cameras are called."""
 
     @property
     def rate(self) -> float | None:
-        """Pairs a second [Hz]; None if unknown."""
+        """Sets of images a second [Hz]; None if unknown."""
 
     @property
     def n_frames(self) -> int | None:
-        """Number of pairs; None if it does not end by itself."""
-
-    @property
-    def n_dropped(self) -> int:
-        """Pairs lost so far."""
+        """Number of sets; None if it does not end by itself."""
 
     def __enter__(self) -> Self:
         """Open cameras and files."""
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *exception: object) -> None:
         """Close cameras and files, whatever happened."""
 
-    def __iter__(self) -> Iterator[FramePair]:
-        """Deliver pairs in the order of their times.
+    def __iter__(self) -> Iterator[FrameSet]:
+        """Deliver sets in the order of their times.
 
         Raises
         ------
         SkelgenError
-            If a camera breaks off or a file cannot be read; pairs before it were delivered.
+            If a camera breaks off or a file cannot be read; sets before it were delivered.
         """
 
 

@@ -226,18 +226,20 @@ def room(
     as_json: AsJson = False,
 ) -> None:
     """Calibrate two to sixteen cameras around a room with a wand that is waved through it, or with a board."""
-    from skelgen.app.room import Ground, calibrate_room, calibrate_room_by_boards, save_room
+    from skelgen.app.capture import save_cameras
+    from skelgen.app.room import Ground, calibrate_room, calibrate_room_by_boards
     from skelgen.capture.room.boards import room_board
+    from skelgen.capture.values import numbers_from_text
 
     screen = Screen(quiet, as_json)
-    distances, floor = _numbers(wand, "--wand"), _numbers(arms, "--arms")
+    distances, floor = numbers_from_text(wand, "--wand"), numbers_from_text(arms, "--arms")
     lying = Ground(ground, floor) if ground else None
     with screen.watching() as monitor:
         if board is None:
-            settings, found = calibrate_room(source, distances, lying, monitor)
+            found = calibrate_room(source, distances, lying, monitor)
         else:
-            settings, found = calibrate_room_by_boards(source, room_board(board, square, marker), lying, monitor)
-    save_room(settings, output)
+            found = calibrate_room_by_boards(source, room_board(board, square, marker), lying, monitor)
+    save_cameras(found.rig, output, output)
     rows = _camera_rows(found)
     screen.table("Cameras", rows)
     for sentence in found.verdict.sentences:
@@ -276,13 +278,3 @@ def _camera_rows(found: WandCalibration) -> list[dict[str, str | int | float]]:
         }
         for camera, views, std, place in zip(rig.cameras, found.n_views, np.asarray(rig.std), rig.places, strict=True)
     ]
-
-
-def _numbers(text: str, option: str) -> list[float]:
-    try:
-        values = [float(part) for part in text.split(",")]
-    except ValueError:
-        values = []
-    if len(values) not in {2, 3}:
-        raise InputError(f"{option} is {text!r}; two or three numbers in mm belong there, with commas between them")
-    return values

@@ -19,7 +19,6 @@ from skelgen.errors import InputError, ReaderGoneError
 
 if TYPE_CHECKING:
     from skelgen.capture.live import Captured
-    from skelgen.capture.room.live import RoomCaptured
     from skelgen.capture.values import JointRequest
 
 SettingsFile = Annotated[Path, typer.Argument(metavar="SETTINGS", help="Settings of the capture: an XML file.")]
@@ -86,7 +85,7 @@ def motion_capture(
         counts.say(silent)
 
 
-def _report(captured: Captured | RoomCaptured, residuals: str) -> None:
+def _report(captured: Captured, residuals: str) -> None:
     """Say on stderr what was noticed of a moment, and its residuals unless they are empty."""
     for line in (*(f"note: {notice}" for notice in captured.notices), *([residuals] if residuals else [])):
         print(line, file=sys.stderr)
@@ -95,7 +94,7 @@ def _report(captured: Captured | RoomCaptured, residuals: str) -> None:
 class _Pictures(Protocol):
     """A window with pictures."""
 
-    def show(self, captured: Captured | RoomCaptured) -> None:
+    def show(self, captured: Captured) -> None:
         """Show the pictures of one moment."""
 
 
@@ -251,7 +250,7 @@ class _Counts:
         self._record, self._missed, self._word = record, dict.fromkeys(targets), word
         self.n_pairs, self._n_lost = 0, 0
 
-    def add(self, captured: Captured | RoomCaptured) -> None:
+    def add(self, captured: Captured) -> None:
         self.n_pairs += 1
         self._n_lost += captured.pair.dropped
         for name in captured.bodies:

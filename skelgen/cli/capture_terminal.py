@@ -14,11 +14,10 @@ from types import FrameType
 import numpy as np
 
 from skelgen.capture.live import Captured
-from skelgen.capture.room.live import RoomCaptured
 from skelgen.capture.target_joints import angle_names
 from skelgen.geometry.rotations import vector_from_matrix
 from skelgen.kinematics.joints.angles import rotation_vector_deviations
-from skelgen.model.rig import CaptureSettings, RoomSettings, TargetJoint
+from skelgen.model.rig import AnySettings, TargetJoint
 
 _PLACE = ("x", "y", "z")
 _TURN = ("rx", "ry", "rz")
@@ -36,7 +35,7 @@ class CaptureColumns:
         Whether poses of targets, angles of joints, and standard deviations behind each of them are wanted.
     """
 
-    settings: CaptureSettings | RoomSettings
+    settings: AnySettings
     poses: bool = True
     angles: bool = True
     errors: bool = False
@@ -51,7 +50,7 @@ class CaptureColumns:
             labels += self._with_errors([f"{name} [rad]" for name in angle_names(joint)])
         return "\t".join(labels)
 
-    def line(self, captured: Captured | RoomCaptured) -> str:
+    def line(self, captured: Captured) -> str:
         """The line of one pair; what was not found is nan."""
         values: list[float] = []
         for body in self.settings.bodies if self.poses else ():
@@ -61,7 +60,7 @@ class CaptureColumns:
         cells = [f"{value:.6g}" for value in values]
         return "\t".join([str(captured.pair.index), f"{captured.pair.time:.6f}", *cells])
 
-    def residuals(self, captured: Captured | RoomCaptured) -> str:
+    def residuals(self, captured: Captured) -> str:
         """Residuals of one pair in words: of targets the distance of the balls, of joints that of its frames."""
         parts = []
         for body in self.settings.bodies if self.poses else ():
@@ -75,7 +74,7 @@ class CaptureColumns:
     def _with_errors(self, names: list[str]) -> list[str]:
         return [*names, *(f"{name} std" for name in names)] if self.errors else names
 
-    def _pose(self, captured: Captured | RoomCaptured, name: str) -> list[float]:
+    def _pose(self, captured: Captured, name: str) -> list[float]:
         found = captured.bodies.get(name)
         if found is None:
             return [np.nan] * (12 if self.errors else 6)
@@ -87,7 +86,7 @@ class CaptureColumns:
             values += rotation_vector_deviations(turn[np.newaxis], found.covariance[np.newaxis, :3, :3])[0].tolist()
         return values
 
-    def _angles(self, captured: Captured | RoomCaptured, joint: TargetJoint) -> list[float]:
+    def _angles(self, captured: Captured, joint: TargetJoint) -> list[float]:
         angle = captured.angles.get(joint.name)
         if angle is None:
             return [np.nan] * (len(angle_names(joint)) * (2 if self.errors else 1))

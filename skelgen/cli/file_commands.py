@@ -161,7 +161,7 @@ def compare(
     screen = Screen(as_json=as_json)
     one, two = (open_project(find_result(path)) for path in (result, other))
     found = compare_results(one, two)
-    sentences, tables = comparison_sentences(one, two, found), comparison_tables(one, two, found)
+    sentences, tables = comparison_sentences(two, found), comparison_tables(one, two, found)
     for sentence in sentences:
         screen.say(sentence)
     for title, rows in tables.items():

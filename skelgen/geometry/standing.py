@@ -49,8 +49,7 @@ def rest_begins(path: Floats, rate: float) -> int | None:
         return None
     end = path[-max(3, round(_END_SECONDS * rate)) :]
     place = np.median(end, axis=0)
-    noise = float(np.sqrt(np.square(end - place).mean()))
-    limit = _OFF_PLACE * noise + _ROUNDING
+    limit = _OFF_PLACE * noise_of(end) + _ROUNDING
     if np.abs(path[-least:] - place).max() > limit:  # of most markers, without a look at all of a long take
         return None
     away = np.flatnonzero(np.abs(path - place).max(axis=1) > limit)
@@ -60,11 +59,8 @@ def rest_begins(path: Floats, rate: float) -> int | None:
 
 def _is_white(path: Floats) -> bool:
     """Whether positions (n, 3) vary by noise alone."""
-    variance = float(path.var(axis=0).sum())
-    if variance <= _ROUNDING**2:
-        return True
-    ratio = float(np.square(np.diff(path, axis=0)).mean(axis=0).sum()) / variance
-    return bool(ratio > 2.0 - _WHITE * 2.0 / np.sqrt(len(path)))
+    variance = float(path.var(axis=0).mean())
+    return variance <= _ROUNDING**2 or noise_of(path) ** 2 > (1.0 - _WHITE / np.sqrt(len(path))) * variance
 
 
 def fixed_limbs(markers: Sequence[Floats], parents: Ints) -> list[int]:

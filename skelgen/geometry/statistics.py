@@ -44,6 +44,18 @@ def median_of_known(values: Floats) -> Floats:
     return np.asarray((ordered[columns, lower] + ordered[columns, upper]) / 2)
 
 
+def mean_of_known(values: Floats) -> Floats:
+    """Return the mean over the rows without NaN, shape (...); 0 where nothing is known, unlike `numpy.nanmean`.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n_rows, ...)
+        NaN where unknown.
+    """
+    known = ~np.isnan(values)
+    return np.asarray(np.where(known, values, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1))
+
+
 def median_and_deviation(rows: Floats) -> tuple[Floats, Floats, Ints]:
     """Return median and robust standard deviation of each row without its NaN; of two middle values, the lower one.
 

@@ -6,8 +6,8 @@ scripts import from `skelgen`, it may change with every version. Its rooms are `
 """
 
 from skelgen.kinematics.hierarchy import Hierarchy, Length, find_hierarchy, without_residual
-from skelgen.kinematics.inverse.inverse_kinematics import LiveSkeleton, Posture, posture_of, solve
-from skelgen.kinematics.joints.angles import angle_names, joint_angles
+from skelgen.kinematics.inverse.inverse_kinematics import LiveSkeleton, Posture
+from skelgen.kinematics.joints.angles import angle_names
 from skelgen.kinematics.joints.fit import JointFit, TypeChoice, choose_joint_type, fit_joint
 from skelgen.kinematics.joints.joint_type import TypeLimits
 from skelgen.kinematics.joints.relative_poses import pose_covariance
@@ -27,10 +27,7 @@ __all__ = [
     "choose_joint_type",
     "find_hierarchy",
     "fit_joint",
-    "joint_angles",
     "limb_bodies",
     "pose_covariance",
-    "posture_of",
-    "solve",
     "without_residual",
 ]

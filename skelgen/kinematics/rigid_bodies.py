@@ -185,8 +185,7 @@ def _average_shape(positions: Floats, rotator: Rotator, flatness: float) -> Floa
 
 def _deviation(poses: Floats, places: Floats, points: Floats) -> float:
     """Root mean square [mm] of how far coordinates of places are off the points of a posed body."""
-    carried = moved_points(poses, points)
-    return float(np.sqrt(np.nanmean((places - carried) ** 2)))
+    return float(np.sqrt(np.nanmean((places - moved_points(poses, points)) ** 2)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -352,6 +352,14 @@ def runs_of(values: Bools) -> list[tuple[int, int]]:
     return [(int(start), int(stop)) for start, stop in steps.reshape(-1, 2)]
 
 
+def runs_of_equal(*columns: Ints) -> tuple[Ints, Ints]:
+    """Return the first row of each run in which no column changes, and the last one, shapes (n_runs,)."""
+    n_rows = len(columns[0])
+    changes = np.any([column[1:] != column[:-1] for column in columns], axis=0)
+    first = np.flatnonzero(np.concatenate([[True], changes])) if n_rows else np.empty(0, dtype=np.intp)
+    return first, np.append(first[1:], n_rows)[: len(first)] - 1
+
+
 def rows_of_each(values: Ints) -> list[Ints]:
     """Return the rows of each value that occurs, shapes (n_rows,), in the order of values and of rows."""
     order = np.argsort(values, kind="stable")

@@ -271,10 +271,14 @@ class Project:
         skeleton = None if self._skeleton is None else replace(self._skeleton, limb_names=limbs.names)
         return replace(self, _limbs=limbs, _skeleton=skeleton)
 
-    def _until(self, stage: str, report: StageReport) -> Project:
+    def check_before(self, stage: str) -> None:
+        """Raise `MissingResultError` unless all stages before one have run."""
         for earlier in STAGES[: STAGES.index(stage)]:
             if not self.has(earlier):
                 raise MissingResultError(f"the stage {stage!r} needs the result of {earlier!r}; run that first")
+
+    def _until(self, stage: str, report: StageReport) -> Project:
+        self.check_before(stage)
         bare = self.before(stage)
         return replace(bare, reports={**bare.reports, stage: report})
 

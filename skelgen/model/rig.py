@@ -6,9 +6,10 @@ rig says otherwise.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from types import MappingProxyType
+from typing import Self
 
 import numpy as np
 
@@ -105,6 +106,11 @@ class StereoRig:
     def cameras(self) -> tuple[Camera, Camera]:
         """The left and the right one."""
         return self.left, self.right
+
+    @property
+    def names(self) -> tuple[str, str]:
+        """What the cameras are called."""
+        return "the left camera", "the right camera"
 
     @cached_property
     def right_from_left(self) -> Floats:
@@ -274,6 +280,10 @@ class _Settings:
         _check_targets(self.bodies, self.joints)
         detection, search = (MappingProxyType(dict(values)) for values in (self.detection, self.search))
         set_fields(self, bodies=tuple(self.bodies), joints=tuple(self.joints), detection=detection, search=search)
+
+    def with_rig(self, rig: StereoRig | CameraRig) -> Self:
+        """Return the settings with other cameras, or with the same ones calibrated anew."""
+        return replace(self, rig=rig)
 
 
 @dataclass(frozen=True, eq=False)

@@ -153,6 +153,11 @@ class Joint:
             return None
         return np.sqrt(np.maximum(np.diag(self.covariance_in_child), 0.0))
 
+    @property
+    def place_covariance(self) -> Floats:
+        """Covariance of the position in the parent [mm^2], (3, 3); of its deviations if no other is known."""
+        return np.diag(self.std**2) if self.covariance is None else self.covariance
+
     def free_axis(self) -> Floats:
         """Return the axis along which a hinge's place is open, in both limbs; zero for other types, shape (3,)."""
         return self.axis if self.kind == "hinge" and self.axis is not None else np.zeros(3)

@@ -214,8 +214,6 @@ def read_truth(path: Path | str) -> Truth:
             return _from_arrays({name: archive[name] for name in archive.files})
     except InputError as error:
         raise FormatError(path, "", f"not a consistent truth file: {error}") from error
-    except OSError as error:
-        raise FormatError(path, "", f"cannot be read: {error.strerror or error}") from error
     except _BROKEN as error:
         raise FormatError(path, "", f"not a truth file written by skelgen, or damaged ({error})") from error
 

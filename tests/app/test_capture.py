@@ -47,7 +47,7 @@ def unplugged():
         raise SkelgenError("the left camera is gone: was it unplugged?")
 
     class Source:
-        name, size, rate, n_frames, n_dropped = "cameras", (640, 480), 60.0, None, 3
+        name, cameras, rate, n_frames = "cameras", ("left", "right"), 60.0, None
 
         def __enter__(self):
             return self

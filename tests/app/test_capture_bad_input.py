@@ -101,7 +101,7 @@ def test_images_of_another_size_than_the_calibrated_ones_end_it(capture):
     half = lambda image: cv2.resize(image, (320, 240))  # noqa: E731
     code, out, err, take = capture(lambda left, _: half(left), lambda _, right: half(right), n_frames=3)
     assert (code, out, take) == (2, [], None)
-    assert "the left image of frame 0 has 320 x 240 pixels, the left camera of the settings 640 x 480" in err[-1]
+    assert "the left camera sends 320 x 240 pixels, and its calibration is for 640 x 480" in err[-1]
 
 
 def test_images_of_two_sizes_end_it(capture):

@@ -25,7 +25,7 @@ from skelgen.capture.bodies.prediction import BodyFilter, PredictionParameters
 from skelgen.capture.live import MotionCapture
 from skelgen.capture.reference_rig import reference_rig
 from skelgen.capture.simulated_rig import simulated_rig
-from skelgen.capture.values import FoundBody, FramePair
+from skelgen.capture.values import FoundBody, FrameSet
 from skelgen.geometry.rotations import matrix_from_vector, transform_from, vector_from_matrix
 from skelgen.model.arrays import Floats
 from skelgen.model.rig import BodyTarget
@@ -48,7 +48,7 @@ def measure(n_pairs: int, prediction: PredictionParameters | None) -> tuple[Floa
     times, touching = [], []
     for seed in SEEDS:
         source = simulated_rig("arm", n_frames=n_pairs // len(SEEDS), seed=seed)
-        pairs: list[FramePair] = list(source)
+        pairs: list[FrameSet] = list(source)
         with MotionCapture(source.settings, prediction=prediction, threads=False) as capture:
             for pair in pairs[:WARM_UP]:
                 capture.see(pair)
@@ -56,7 +56,7 @@ def measure(n_pairs: int, prediction: PredictionParameters | None) -> tuple[Floa
                 start = time.process_time()
                 captured = capture.see(pair)
                 times.append(1e3 * (time.process_time() - start))
-                touching.append(captured.left.touching.any() or captured.right.touching.any())
+                touching.append(any(balls.touching.any() for balls in captured.views))
     return np.array(times), np.array(times)[np.array(touching)]
 
 

@@ -17,8 +17,8 @@ from shown import show, show_machine
 from unrendered import blobs_of
 
 from skelgen.app.pipeline import run_stages
+from skelgen.capture.detection import BallFinder
 from skelgen.capture.room.live import RoomCapture
-from skelgen.capture.room.points import BallFinder
 from skelgen.capture.room.recording import RoomRecording
 from skelgen.capture.room.simulated import RoomScene, person_scene, room_arm, room_rig
 from skelgen.capture.room.sources import SimulatedRoom

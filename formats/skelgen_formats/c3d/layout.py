@@ -122,14 +122,11 @@ def read_layout(path: Path) -> C3dLayout:
     FormatError
         If the file is no C3D file, or its header or parameters contradict each other or the file's size.
     """
-    try:
-        with open_regular(path) as stream:
-            size = stream.seek(0, os.SEEK_END)
-            stream.seek(0)
-            head = stream.read(BLOCK)
-            order, dec, records = _parameter_section(path, head, stream, size)
-    except OSError as error:
-        raise FormatError(path, "", f"cannot be read: {error.strerror or error}") from error
+    with open_regular(path) as stream:
+        size = stream.seek(0, os.SEEK_END)
+        stream.seek(0)
+        head = stream.read(BLOCK)
+        order, dec, records = _parameter_section(path, head, stream, size)
     parameters, junk = parameters_of(path, records, order, dec)
     layout = _layout(path, head, order, dec, parameters, size)
     return replace(layout, notices=(*junk, *layout.notices))
@@ -165,7 +162,7 @@ def _layout(path: Path, head: bytes, order: str, dec: bool, parameters: Paramete
         raise FormatError(path, "byte 12", f"the scale is {scale:g}; a finite number other than 0 belongs there")
     if not 0 < rate <= _BIGGEST_RATE:
         raise FormatError(path, "byte 20", f"the frame rate is {rate:g} Hz; it must be above 0 and below a million")
-    n_frames = _announced_frames(first, last, parameters, order)
+    n_frames = _announced_frames(first, last, parameters)
     known = (order, dec, parameters, n_frames is None)
     if n_points == 0:
         return C3dLayout(0, n_frames or 0, n_analog, rate, scale, data_start, *known, tuple(notices))
@@ -317,9 +314,9 @@ def _fitting(stated: _Sizes, parameters: Parameters, samples: int, rate: float, 
     return min(fitting, key=stated.n_differences, default=None)
 
 
-def _announced_frames(first: int, last: int, parameters: Parameters, order: str) -> int | None:
+def _announced_frames(first: int, last: int, parameters: Parameters) -> int | None:
     """Return how many frames the file says it has; None if there are more than its words can say."""
-    start, end = (_long_word(parameters, f"ACTUAL_{which}_FIELD", order) for which in ("START", "END"))
+    start, end = (_long_word(parameters, f"ACTUAL_{which}_FIELD") for which in ("START", "END"))
     if start is not None and end is not None and end >= start and end > MOST_HEADER_FRAMES:
         return end - start + 1
     long_frames = number_of(parameters, ("POINT", "LONG_FRAMES"), 0.0)
@@ -328,7 +325,7 @@ def _announced_frames(first: int, last: int, parameters: Parameters, order: str)
     return None if last == MOST_HEADER_FRAMES else (last - first + 1) % (MOST_HEADER_FRAMES + 1)
 
 
-def _long_word(parameters: Parameters, name: str, order: str) -> int | None:
+def _long_word(parameters: Parameters, name: str) -> int | None:
     values = parameters.get(("TRIAL", name))
     if values is None or values.size != 2 or values.dtype.kind != "i":  # low and high word
         return None

@@ -51,8 +51,6 @@ def read(path: Path) -> ClassicXml:
             _drop(element)
     except etree.XMLSyntaxError as error:
         raise FormatError(path, error.lineno or "", f"broken XML: {error.msg}") from error
-    except OSError as error:
-        raise FormatError(path, "", f"cannot be read: {error.strerror or error}") from error
     return assemble(path, reader.contents)
 
 

@@ -15,7 +15,6 @@ from PySide6.QtWidgets import QApplication, QWidget
 from skelgen.app.capture_jobs.images import NO_BODY, CameraImage, camera_images_of
 from skelgen.app.drawing.scales import limb_colour
 from skelgen.capture.live import Captured
-from skelgen.capture.room.live import RoomCaptured
 from skelgen.model.arrays import Bools, Floats
 from skelgen_gui.widgets.layouts import put_texts
 from skelgen_gui.widgets.painting import draw_lines, draw_names
@@ -229,7 +228,7 @@ class LivePictures:
         self.view.close()
         self._app.processEvents()
 
-    def show(self, captured: Captured | RoomCaptured) -> None:
+    def show(self, captured: Captured) -> None:
         """Show the pictures of one moment, unless others are just shown; nothing once the window is closed."""
         now = time.monotonic()
         if now - self._shown_at < self._pause or not self.view.isVisible():

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QLineEdit, QPushButton, QWidget
 
+from skelgen.app.capture import save_cameras
 from skelgen.app.capture_jobs.images import NO_BODY
 from skelgen.app.capture_jobs.messages import CaptureControl, FoundInSpace, WandShot
-from skelgen.app.room import Ground, on_floor, save_room
+from skelgen.app.room import Ground, on_floor
+from skelgen.capture.values import numbers_from_text
 from skelgen.errors import InputError
-from skelgen.model.rig import RoomSettings
 from skelgen.progress import Monitor
 from skelgen_gui.capture.forms import ImageForm, SourceField
 from skelgen_gui.capture.steps import Step
@@ -128,11 +128,11 @@ class RoomStep(Step[WandShot]):
         if found is None or path is None:
             return
 
-        def done(_: None) -> None:
+        def done(_: int) -> None:
             self.state.setText(self.tr("Saved: {0}.").format(path))
-            self.saved.emit(Path(path))
+            self.saved.emit(path)
 
-        self.run(self.tr("Saving"), lambda _: save_room(RoomSettings(found.rig), Path(path)), done)
+        self.run(self.tr("Saving"), lambda _: save_cameras(found.rig, path, path), done)
 
     def show_newest(self) -> None:
         """Show the newest pictures, and what they have covered by now."""
@@ -211,10 +211,4 @@ class RoomForm(ImageForm):
 
 
 def _numbers(field: QLineEdit) -> tuple[float, ...]:
-    try:
-        values = tuple(float(part) for part in field.text().split(","))
-    except ValueError:
-        values = ()
-    if len(values) not in {2, 3}:
-        raise InputError(f"{field.accessibleName()}: {field.text()!r}; two or three numbers in mm belong there")
-    return values
+    return numbers_from_text(field.text(), field.accessibleName())

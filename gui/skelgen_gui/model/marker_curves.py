@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import combinations
 
 import numpy as np
 
@@ -220,7 +221,7 @@ def marker_panels(
     """
     drawn = list(markers)[:MOST_CURVES]
     if quantity == "distance":
-        pairs = [(one, other) for number, one in enumerate(drawn) for other in drawn[number + 1 :]]
+        pairs = list(combinations(drawn, 2))
         if len(drawn) == 1:
             pairs = [(drawn[0], mate) for mate in mates_of(project, drawn[0])]
         return _distances(project, pairs[:MOST_CURVES], preview)

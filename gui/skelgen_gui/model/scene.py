@@ -9,7 +9,7 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from skelgen.app.drawing.poses import Bones, MarkerState, find_bones, find_views, place_markers
+from skelgen.app.drawing.poses import Bones, MarkerState, find_bones, find_views, middle_of, place_markers
 from skelgen.kinematics.inverse.inverse_kinematics import posture_of
 from skelgen.model import PointCloud, Poses, Project, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints, spread_frames
@@ -270,9 +270,7 @@ class Scene:
             From 0, within the take.
         """
         joints = self._joints(frame) if self.project.has("skeleton") else _NO_POINTS
-        points = joints if len(joints) else self._points(frame)
-        known = points[~np.isnan(points[:, 0])]
-        return np.asarray(known.mean(axis=0)) if len(known) else np.full(3, np.nan)
+        return middle_of(joints if len(joints) else self._points(frame))
 
     def trail(self, frame: int, seconds: float) -> Floats:
         """Return where the markers were until a frame, at frames that stay the same while it moves on.
@@ -383,7 +381,7 @@ def joint_covariances(project: Project, frames: Ints) -> Floats:
     motion = project.motion
     if motion.joint_std is None:
         turns = motion.world_from_limb[frames][:, [joint.parent for joint in project.skeleton.joints], :3, :3]
-        own = [np.diag(one.std**2) if one.covariance is None else one.covariance for one in project.skeleton.joints]
+        own = [joint.place_covariance for joint in project.skeleton.joints]
         return np.asarray(turns @ np.reshape(own, (-1, 3, 3)) @ turns.swapaxes(2, 3))
     posture = posture_of(project.skeleton, motion, project.trajectories.positions, frames)
     std = motion.joint_std[frames] / np.maximum(posture.joint_std, np.finfo(float).tiny)

@@ -318,7 +318,7 @@ class ComparisonPanel(QWidget):
             self.deriver.derive(compare, take, lambda error: self.summary.setText(str(error)))
 
     def _take(self, project: Project, other: Project, found: Comparison) -> None:
-        self.summary.setText(".\n".join(comparison_sentences(project, other, found)) + ".")
+        self.summary.setText(".\n".join(comparison_sentences(other, found)) + ".")
         names, others = project.trajectories.names, other.trajectories.names
         for match in sorted(found.joints, key=lambda match: -math.inf if math.isnan(match.median) else -match.median):
             ends = self.tr("{0} – {1}").format(

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path, PurePath
 from typing import Any, NotRequired, TypedDict
 
-from skelgen.errors import InputError, WriteError
+from skelgen.errors import FormatError, InputError, WriteError
 from skelgen.files import UNFINISHED, replacing, sha256_of
 
 
@@ -145,7 +145,7 @@ def finished_record(folder: Path, blank: Record) -> Record | None:
             return None
         known: Record = {**blank, "outcome": DONE, "files": files, "facts": record["facts"], "run": record["run"]}
         return known
-    except (KeyError, TypeError, ValueError, AttributeError, OSError):
+    except (KeyError, TypeError, ValueError, AttributeError, OSError, FormatError):
         return None
 
 

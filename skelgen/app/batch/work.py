@@ -28,8 +28,8 @@ from skelgen.app.pipeline import CollectingMonitor, run_stages
 from skelgen.app.project_file.archive import find_result
 from skelgen.app.stage_summary import has_doubts, stage_notices
 from skelgen.app.subject import joined_subjects, run_with_subject
-from skelgen.errors import FormatError, InputError, SkelgenError, WriteError, out_of_memory
-from skelgen.files import open_regular, sha256_of
+from skelgen.errors import InputError, SkelgenError, WriteError, out_of_memory
+from skelgen.files import sha256_of
 from skelgen.model import PointCloud, Project
 from skelgen.model.project import STAGES
 from skelgen.parameters import ParameterValue
@@ -264,11 +264,8 @@ def _failed(record: records.Record, folder: Path, error: str, obstacle: str = ""
 
 def _source_facts(entry: Entry) -> records.FileFacts:
     path = Path(entry.source)
-    open_regular(path).close()  # a pipe could be read for ever
-    try:
-        return {"path": entry.source, "bytes": path.stat().st_size, "sha256": sha256_of(path)}
-    except OSError as error:
-        raise FormatError(path, "", f"cannot be read: {error.strerror or error}") from error
+    checksum = sha256_of(path)
+    return {"path": entry.source, "bytes": path.stat().st_size, "sha256": checksum}
 
 
 def _done(entry: Entry, job: Job) -> tuple[records.Facts, dict[str, records.FileFacts], records.Run]:

@@ -113,16 +113,19 @@ class BoardCollector(_Collector[tuple[images.CameraImage, ...]]):
         """
         opencv()
         with ThreadPoolExecutor(2, "board") as threads, open_source(self._source) as source:
-            if any(view.size != source.size for view in self._views.views):
-                raise InputError("these images have another size than those of the views before: clear the views first")
             names: tuple[str, ...] = getattr(source, "names", ())  # of image files; others are counted
             before: images.CollectedView | None = None
             n_seen = 0
             numbered = ((pair.index, pair) for pair in source)
             for number, pair in enumerate(self._until_stopped(numbered, source.n_frames, title, monitor)):
+                size = pair.left.shape[1], pair.left.shape[0]
+                if any(view.size != size for view in self._views.views):
+                    raise InputError(
+                        "these images have another size than those of the views before: clear the views first"
+                    )
                 left, right = threads.map(partial(find_board, board=self._board), (pair.left, pair.right))
                 name = names[number] if number < len(names) else self._views.next_name
-                now = images.CollectedView(name, left, right, source.size)
+                now = images.CollectedView(name, left, right, size)
                 if source.rate is None or self._is_kept(now, before):
                     self._views.add(now)
                 before = now

@@ -16,7 +16,6 @@ from skelgen.model.arrays import Floats, Ints
 if TYPE_CHECKING:
     from skelgen.capture.calibration.chessboard import BoardView
     from skelgen.capture.live import Captured
-    from skelgen.capture.room.live import RoomCaptured
     from skelgen.capture.values import Balls, FoundBody, Image
 
 NO_BODY = -1
@@ -120,17 +119,17 @@ class CameraImage:
         return cls(image) if view is None else cls(image, view.corners, is_board=True)
 
 
-def camera_images_of(captured: Captured | RoomCaptured, bodies: Mapping[int, FoundBody]) -> tuple[CameraImage, ...]:
+def camera_images_of(captured: Captured, bodies: Mapping[int, FoundBody]) -> tuple[CameraImage, ...]:
     """Return what each camera sees, with what was found in it.
 
     Parameters
     ----------
-    captured : Captured or RoomCaptured
+    captured : Captured
         One moment.
     bodies : mapping of int to FoundBody
         Bodies by their groups.
     """
-    seen = zip(captured.images, captured.views, captured.balls.T, strict=True)
+    seen = zip(captured.pair.images, captured.views, captured.balls.T, strict=True)
     return tuple(CameraImage.of_balls(image, balls, bodies, own) for image, balls, own in seen)
 
 

@@ -29,8 +29,6 @@ from skelgen.app.recording import Recording
 from skelgen.app.room import read_capture_settings
 from skelgen.capture.bodies.prediction import PredictionParameters
 from skelgen.capture.live import Captured, MotionCapture, PointFinder
-from skelgen.capture.room.live import RoomCaptured
-from skelgen.capture.room.points import RoomSource
 from skelgen.capture.room.sources import open_room_source
 from skelgen.capture.sources import open_source
 from skelgen.capture.values import FrameSource
@@ -42,8 +40,6 @@ _SPEED_FRAMES = 60
 """Pairs over which their number a second and their latency are averaged."""
 
 _IS_WARM = Event()
-
-AnyCaptured = Captured | RoomCaptured
 
 
 class LiveCapture:
@@ -100,7 +96,7 @@ class LiveCapture:
                 if self._control.stop.is_set():
                     return
 
-    def _take(self, captured: AnyCaptured, settings: AnySettings, recorder: _Recorder) -> None:
+    def _take(self, captured: Captured, settings: AnySettings, recorder: _Recorder) -> None:
         recorder.record_into(self._control.record)
         recorder.add(captured)
         self._n_frames += 1
@@ -113,7 +109,7 @@ class LiveCapture:
         if self._feed.is_waiting:
             self._feed.put(self._shot(captured, settings, recorder.running))
 
-    def _shot(self, captured: AnyCaptured, settings: AnySettings, recorded: Recorded | None) -> LiveShot:
+    def _shot(self, captured: Captured, settings: AnySettings, recorded: Recorded | None) -> LiveShot:
         names, found = [body.name for body in settings.bodies], captured.bodies
         bodies = {group: found[name] for group, name in enumerate(names) if name in found}
         return LiveShot(
@@ -160,7 +156,7 @@ class _Recorder:
             except SkelgenError as error:
                 self._feed.notice(str(error))
 
-    def add(self, captured: AnyCaptured) -> None:
+    def add(self, captured: Captured) -> None:
         """Append a pair, if something is recorded."""
         if self._recording is None:
             return
@@ -208,7 +204,7 @@ class Opened(NamedTuple):
     settings: AnySettings
     rate: float | None
     n_frames: int | None
-    stream: Generator[AnyCaptured, None, None]
+    stream: Generator[Captured, None, None]
 
 
 def open_stream(options: CaptureOptions, *, only_points: bool = False) -> Opened:
@@ -229,7 +225,7 @@ def open_stream(options: CaptureOptions, *, only_points: bool = False) -> Opened
     is_wanted = options.predicts or options.predicts_joints
     prediction = PredictionParameters(joints=options.predicts_joints) if is_wanted else None
     settings = read_capture_settings(Path(options.settings)) if options.settings else None
-    source: RoomSource | FrameSource
+    source: FrameSource
     if settings is not None:
         source = source_of(settings, options.source)
     elif options.source.startswith(ROOM):

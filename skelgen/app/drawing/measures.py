@@ -1,6 +1,7 @@
 """What pictures and tables state of a project, as plain numbers: orders, deviations, lengths, matrices."""
 
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -204,8 +205,7 @@ def joint_lengths(project: Project) -> list[Length]:
     lengths: list[Length] = []
     for limb in limb_order(project):
         joints = np.flatnonzero((topology.edges == limb).any(axis=1)).tolist() if topology.n_joints else []
-        pairs = [(first, second) for i, first in enumerate(joints) for second in joints[i + 1 :]]
-        for pair in pairs:
+        for pair in combinations(joints, 2):
             lengths.append(_length(topology, limb, pair, (rigid.get(pair, np.nan), float(known.get(pair, np.nan)))))
     return lengths
 

@@ -197,7 +197,7 @@ class Bones:
             NaN where unknown.
         """
         points = np.concatenate([joints, markers])
-        middles = [_middle(points[members]) for members in self.members]
+        middles = [middle_of(points[members]) for members in self.members]
         return np.asarray(np.concatenate([points, np.reshape(middles, (-1, 3))])[self.ends])
 
 
@@ -242,7 +242,7 @@ def _hub(joints: Ints, markers: Ints, middle: int) -> tuple[int, Ints, Ints]:
     return middle, joints, joints  # as a chest or a pelvis, whatever the root is
 
 
-def _middle(points: Floats) -> Floats:
-    """Mean of the points that are known, NaN where none is."""
+def middle_of(points: Floats) -> Floats:
+    """Return the mean of the points that are known, NaN where none is."""
     known = points[~np.isnan(points[:, 0])]
     return np.asarray(known.mean(axis=0)) if len(known) else np.full(3, np.nan)

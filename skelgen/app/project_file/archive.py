@@ -379,11 +379,7 @@ def take_of(source: Source, project_file: Path, recording: Path | None = None) -
         looked = " nor at ".join(str(place) for place in dict.fromkeys(places))
         what = f"the recording that it refers to is not at {looked}; put it back there"
         raise RecordingMovedError(project_file, "", what)
-    try:
-        is_same = sha256_of(found) == source.sha256
-    except OSError as error:
-        raise FormatError(found, "", f"cannot be read: {error.strerror or error}") from error
-    if not is_same:
+    if sha256_of(found) != source.sha256:
         raise FormatError(found, "", f"is not the recording that {project_file} was made from: its content differs")
     facts = found.stat()
     there = replace(source, path=str(found.absolute()), size=facts.st_size, modified=facts.st_mtime_ns)

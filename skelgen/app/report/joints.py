@@ -127,8 +127,8 @@ def _rival(joint: JointCost) -> str:
 
 
 def _fitted(joint: Joint) -> tuple[Joint, str, str, str]:
-    covariance = np.diag(joint.std**2) if joint.covariance is None else joint.covariance
-    return joint, _place_std(joint, covariance), _place_std(joint, joint.covariance_in_child), _placed_by(joint)
+    in_parent, in_child = (_place_std(joint, one) for one in (joint.place_covariance, joint.covariance_in_child))
+    return joint, in_parent, in_child, _placed_by(joint)
 
 
 def _placed_by(joint: Joint) -> str:

@@ -13,7 +13,7 @@ from skelgen.capture.live import PointFinder
 from skelgen.capture.markers.candidates import CandidateStore
 from skelgen.capture.markers.correspondences import find_markers, noise_scale, track_pairs
 from skelgen.capture.markers.one_camera import BallStore, points_of_one_camera
-from skelgen.capture.values import Balls, FramePair, FrameSource, StereoPoints, n_to_take
+from skelgen.capture.values import Balls, FrameSet, FrameSource, StereoPoints, n_to_take
 from skelgen.errors import InputError
 from skelgen.model import PointCloud
 from skelgen.model.arrays import Bools, Floats
@@ -67,7 +67,7 @@ def markers_of(
     monitor.begin("images")
     PointFinder(settings).load()
     with ThreadPoolExecutor(N_BLOBS, "images") as threads, source as pairs:
-        recording = _Recording(settings, source.size, threads if (os.cpu_count() or 1) > 1 else None)
+        recording = _Recording(settings, threads if (os.cpu_count() or 1) > 1 else None)
         for pair in with_progress(islice(pairs, n_frames), total, monitor):
             recording.add(pair)
     return recording.cloud(name or source.name, source.rate)
@@ -76,15 +76,15 @@ def markers_of(
 class _Recording:
     """What is kept of a recording: pairs of balls, tracks, times, what is wrong with images."""
 
-    def __init__(self, settings: CaptureSettings, size: tuple[int, int], threads: ThreadPoolExecutor | None) -> None:
+    def __init__(self, settings: CaptureSettings, threads: ThreadPoolExecutor | None) -> None:
         self._rig, self._targets = settings.rig, settings.bodies
         self._finder = PointFinder(settings, threads)
-        self._tracks = BallTracks(size), BallTracks(size)
+        self._tracks = BallTracks(self._rig.left.size), BallTracks(self._rig.right.size)
         self._store, self._balls = CandidateStore(), (BallStore(), BallStore())
         self._times: list[float] = []
         self._health = ImageHealth(settings.rig)
 
-    def add(self, pair: FramePair) -> None:
+    def add(self, pair: FrameSet) -> None:
         left, right, points = self._finder.find(pair)
         tracks = [one.follow(balls.centres, pair.time) for one, balls in zip(self._tracks, (left, right), strict=True)]
         self._store.add(points, *tracks)
@@ -134,12 +134,12 @@ class ImageHealth:
         self._matched: list[float] = []
         self._exchanged: list[float] = []
 
-    def look(self, pair: FramePair, left: Balls, right: Balls, points: StereoPoints) -> None:
+    def look(self, pair: FrameSet, left: Balls, right: Balls, points: StereoPoints) -> None:
         """Take one more pair.
 
         Parameters
         ----------
-        pair : FramePair
+        pair : FrameSet
             The images.
         left, right : Balls
             What was found in them.

@@ -17,7 +17,7 @@ from skelgen.capture.room.boards import AnyBoard, board_start
 from skelgen.capture.room.bundles import adjust_room
 from skelgen.capture.room.points import Views
 from skelgen.capture.room.start import LEAST_SHARED, LENS, placed_in, start_values
-from skelgen.capture.room.wand_and_ground import FEWEST_CAMERAS, check_wand, wand_views
+from skelgen.capture.room.wand_and_ground import FEWEST_CAMERAS, TWO, check_wand, find_wand, with_equal_ends
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import cross_matrix
 from skelgen.model.arrays import Floats, Ints
@@ -52,8 +52,6 @@ class WandCalibration:
         Of all numbers, in the order of `CameraRig.std`.
     n_views : ndarray of intp, shape (n_cameras,)
         Views of the wand that were used.
-    shared : ndarray of intp, shape (n_cameras, n_cameras)
-        Views that two cameras share.
     scale_std : float
         Relative standard deviation of the largest distance between cameras.
     point_std : float, mm
@@ -67,7 +65,6 @@ class WandCalibration:
     rig: CameraRig
     covariance: Floats
     n_views: Ints
-    shared: Ints
     scale_std: float
     point_std: float
     room: Floats
@@ -100,7 +97,8 @@ def calibrate_wand(
     called = list(names) or [f"camera {number + 1}" for number in range(len(sizes))]
     if not frames:
         raise InputError("there are no frames; wave the wand for a minute")
-    seen = wand_views(frames, wand, LEAST_SHARED)
+    seen = np.array([[find_wand(balls.centres, wand) for balls in views] for views in frames])
+    seen = with_equal_ends(seen, LEAST_SHARED) if len(wand) == TWO else seen
     start = start_values(seen, wand, list(sizes), called)
     placed = np.isfinite(start.first[:, 0])
     return _calibration(start.of(placed), called, _WAND)
@@ -159,10 +157,10 @@ def _calibration(start: Bundle, names: Sequence[str], words: _Words) -> WandCali
     balls = bundle.places.reshape(-1, 3)
     calibrated = point_covariances(rig, covariance, room_grid(balls))[0]
     point_std = float(np.sqrt(3.0 * np.diag(calibrated).mean()))
-    n_views, shared = shows.sum(axis=0), shows.T.astype(np.intp) @ shows
+    n_views = shows.sum(axis=0)
     n_seen = int(np.isfinite(start.seen[..., 0]).sum())
     verdict = _judge(rig, adjusted, (scale_std, point_std), n_views, n_seen, words)
-    return WandCalibration(rig, covariance, n_views, shared, scale_std, point_std, balls, verdict)
+    return WandCalibration(rig, covariance, n_views, scale_std, point_std, balls, verdict)
 
 
 def _of_places(covariance: Floats, cameras: Sequence[Camera]) -> Floats:

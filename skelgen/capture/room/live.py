@@ -2,21 +2,18 @@
 
 import os
 from collections import deque
-from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from time import perf_counter
 from typing import Self
 
 import numpy as np
 
 from skelgen.capture.bodies.prediction import PredictionParameters
-from skelgen.capture.live import Recognised, Recogniser
-from skelgen.capture.room.points import BallFinder, FrameSet
+from skelgen.capture.detection import BallFinder
+from skelgen.capture.live import Captured, Recogniser
 from skelgen.capture.room.recording import FEWEST_BALLS, LEAST_FIT
 from skelgen.capture.room.tracks import RoomTracker
-from skelgen.capture.values import Balls, Image
-from skelgen.model.arrays import Ints
+from skelgen.capture.values import FrameSet
 from skelgen.model.rig import RoomSettings
 
 WINDOW = 100
@@ -24,30 +21,6 @@ WINDOW = 100
 
 LASTING = 4
 """Frames that a point of two cameras lasts before it is handed on."""
-
-
-@dataclass(frozen=True, eq=False)
-class RoomCaptured(Recognised):
-    """All that was found in one set of images.
-
-    Attributes
-    ----------
-    pair : FrameSet
-        The images, with their time and number.
-    views : tuple of Balls
-        Balls in all images.
-    balls : ndarray of intp, shape (n_points, n_cameras)
-        The ball of each point in all images, -1 of cameras that do not see it.
-    """
-
-    pair: FrameSet
-    views: tuple[Balls, ...]
-    balls: Ints
-
-    @property
-    def images(self) -> tuple[Image | None, ...]:
-        """The images of all cameras; None for a camera whose image was lost."""
-        return self.pair.images
 
 
 class RoomCapture(Recogniser):
@@ -78,23 +51,18 @@ class RoomCapture(Recogniser):
         self.load()
         return self
 
-    def run(self, source: Iterable[FrameSet]) -> Iterator[RoomCaptured]:
-        """Yield what is found in each set of an open source, in order."""
-        for frame in source:
-            yield self.see(frame)
-
-    def see(self, frame: FrameSet) -> RoomCaptured:
+    def see(self, pair: FrameSet) -> Captured:
         """Return what is found in one set of images."""
         start = perf_counter()
-        views = self._balls.find(frame)
-        found, tracks = self._tracker.see(views, frame.time)
+        views = self._balls.find(pair)
+        found, tracks = self._tracker.see(views, pair.time)
         points = found.of(self._tracker.tracks.are_markers(tracks, LASTING))
         self._fits.append(([len(balls) for balls in views], (found.balls >= 0).sum(axis=0).tolist()))
         stereo = points.as_stereo(self.settings.rig.noise)
-        bodies, angles = self.recognise(stereo, frame.time)
-        notices = self._notices(frame, [balls.notice for balls in views])
+        bodies, angles = self.recognise(stereo, pair.time)
+        notices = self._notices(pair, [balls.notice for balls in views])
         latency = perf_counter() - start
-        return RoomCaptured(stereo, bodies, angles, notices, latency, frame, tuple(views), points.balls)
+        return Captured(stereo, bodies, angles, notices, latency, pair, tuple(views), points.balls)
 
     def _notices(self, frame: FrameSet, faults: list[str]) -> tuple[str, ...]:
         names = self.settings.rig.names

@@ -9,9 +9,9 @@ from importlib import import_module
 from itertools import zip_longest
 from typing import Self
 
-from skelgen.capture.room.points import FrameSet, RoomSource
 from skelgen.capture.sources.options import CameraOptions, SourceText
-from skelgen.capture.sources.pairs import LiveCamera, LiveCameras, Opener, Shot, lost_between, shared_rate
+from skelgen.capture.sources.pairs import LiveCamera, LiveCameras, Opener, Shot, shared_rate
+from skelgen.capture.values import FrameSet, FrameSource
 from skelgen.errors import CaptureError
 
 EXAMPLES = {
@@ -50,24 +50,6 @@ class LiveSets(LiveCameras):
 
     def _begin(self, cameras: Sequence[LiveCamera]) -> None:
         self._waiting = [None] * len(cameras)
-
-    def __iter__(self) -> Iterator[FrameSet]:
-        """Deliver sets until the source is closed, or as many as were asked for.
-
-        Raises
-        ------
-        CaptureError
-            If no camera sends images any more, or images of one moment are further apart than allowed.
-        """
-        index, first, before = -1, None, None
-        while self.running and (self.n_frames is None or index + 1 < self.n_frames):
-            shots = self._next()
-            time = min(shot.time for shot in shots if shot is not None)
-            first = time if first is None else first
-            lost = lost_between(before, time, self.rate)
-            before, index = time, index + 1 + lost
-            images = tuple(None if shot is None else shot.image for shot in shots)
-            yield FrameSet(images, time - first, index, lost)
 
     def _next(self) -> list[Shot | None]:
         """The images of the next moment, None of the cameras that lost theirs."""
@@ -130,7 +112,7 @@ class RecordedTogether:
 
     Parameters
     ----------
-    sources : sequence of RoomSource
+    sources : sequence of FrameSource
         Recordings, none of which runs.
 
     Raises
@@ -139,7 +121,7 @@ class RecordedTogether:
         If a camera is in two of them, or their rates differ.
     """
 
-    def __init__(self, sources: Sequence[RoomSource]) -> None:
+    def __init__(self, sources: Sequence[FrameSource]) -> None:
         self._sources = tuple(sources)
         self.name = " + ".join(source.name for source in sources)
         self.cameras = _names([source.cameras for source in sources])

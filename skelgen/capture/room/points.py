@@ -2,67 +2,24 @@
 
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import Executor, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Protocol, Self, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
 from skelgen._kernels.room_limbs import place_by_balls
 from skelgen._kernels.room_matching import Rules, match_room
 from skelgen._kernels.room_points import Room
-from skelgen.capture.detection import correct_eccentricity, detect_balls
+from skelgen.capture.detection import detect_balls
 from skelgen.capture.optics import GATE, undistort, view_of
 from skelgen.capture.parameters import DetectionParameters
-from skelgen.capture.values import Balls, Image, StereoPoints
+from skelgen.capture.values import Balls, FrameSource, Image, StereoPoints
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import cross_matrix
 from skelgen.model.arrays import Bools, Floats, Ints
-from skelgen.model.rig import Camera, CameraRig, RoomSettings
+from skelgen.model.rig import Camera, CameraRig
 from skelgen.progress import SILENT, Monitor, with_progress
-
-
-@dataclass(frozen=True, eq=False)
-class FrameSet:
-    """One moment seen by all cameras.
-
-    Attributes
-    ----------
-    images : tuple of ndarray of uint8, shape (height, width), or None
-        Grey images in the order of the cameras; None where one was lost.
-    time : float, s
-        Since the first set.
-    index : int
-        Number of the set since the source was opened, lost ones counted.
-    dropped : int
-        Sets that were lost before this one.
-    """
-
-    images: tuple[Image | None, ...]
-    time: float
-    index: int
-    dropped: int = 0
-
-
-class RoomSource(Protocol):
-    """What delivers sets of images; a context manager, iterated once."""
-
-    name: str
-    rate: float | None
-    cameras: tuple[str, ...]
-
-    @property
-    def n_frames(self) -> int | None:
-        """Number of sets; None if it does not end by itself."""
-
-    def __enter__(self) -> Self:
-        """Open files or cameras."""
-
-    def __exit__(self, *exception: object) -> None:
-        """Close them."""
-
-    def __iter__(self) -> Iterator[FrameSet]:
-        """Deliver the sets in the order of their times."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -248,80 +205,18 @@ def _rays_of_border(camera: Camera) -> Floats:
 _Seen = TypeVar("_Seen")
 
 
-class BallFinder:
-    """Images of all cameras to balls.
-
-    Parameters
-    ----------
-    settings : RoomSettings
-        The cameras, and the parameters of the detection.
-    executor : Executor, optional
-        Threads for the images.
-    """
-
-    def __init__(self, settings: RoomSettings, executor: Executor | None = None) -> None:
-        self.rig, self._executor = settings.rig, executor
-        self._parameters = DetectionParameters.from_mapping(settings.detection, "detection")
-
-    def find(self, frame: FrameSet) -> list[Balls]:
-        """Return the balls that each camera shows; none where an image was lost.
-
-        Raises
-        ------
-        InputError
-            If there are not as many images as cameras, or one has another size than its camera.
-        """
-        cameras = self.rig.cameras
-        if len(frame.images) != len(cameras):
-            raise InputError(
-                f"the source has {len(frame.images)} cameras, and the settings have {len(cameras)}: "
-                f"{', '.join(self.rig.names)}"
-            )
-        run = map if self._executor is None else self._executor.map
-        return list(run(self._balls, frame.images, cameras))
-
-    def _balls(self, image: Image | None, camera: Camera) -> Balls:
-        if image is None:
-            return balls_at(np.empty((0, 2)), self.rig.noise)
-        height, width = image.shape
-        if (width, height) != camera.size:
-            raise InputError(
-                f"{camera.name} sends {width} x {height} pixels, and its calibration is for {camera.width} x "
-                f"{camera.height}: set it to that size, or calibrate again"
-            )
-        return correct_eccentricity(camera, detect_balls(image, self._parameters))
-
-
-def balls_of(source: RoomSource, monitor: Monitor = SILENT) -> tuple[list[list[Balls]], list[tuple[int, int]]]:
-    """Return the balls of all images of a source before its cameras are calibrated, and the cameras' sizes.
-
-    Parameters
-    ----------
-    source : RoomSource
-        Not yet entered.
-    monitor : Monitor
-        Reports how many sets are done; may cancel.
-
-    Raises
-    ------
-    InputError
-        If a camera has no image at all, or images of two sizes.
-    """
-    return all_seen(source, seen_in(source, detected_balls, monitor))
-
-
 _FrameSeen = tuple[list[_Seen], list[tuple[int, int] | None]]
 """What was found in the images of a moment, and their sizes."""
 
 
 def all_seen(
-    source: RoomSource, frames: Iterable[_FrameSeen[_Seen]]
+    source: FrameSource, frames: Iterable[_FrameSeen[_Seen]]
 ) -> tuple[list[list[_Seen]], list[tuple[int, int]]]:
     """Return what was found in all images, and the cameras' sizes.
 
     Parameters
     ----------
-    source : RoomSource
+    source : FrameSource
         Where they come from.
     frames : iterable
         From `seen_in`.
@@ -346,13 +241,13 @@ def all_seen(
 
 
 def seen_in(
-    source: RoomSource, look: Callable[[Image | None], _Seen], monitor: Monitor = SILENT
+    source: FrameSource, look: Callable[[Image | None], _Seen], monitor: Monitor = SILENT
 ) -> Iterator[_FrameSeen[_Seen]]:
     """Yield what is found in the images of a source, camera by camera, and their sizes; Ctrl-C ends it.
 
     Parameters
     ----------
-    source : RoomSource
+    source : FrameSource
         Not yet entered.
     look : callable
         Finds it in an image, which is None where it was lost.

@@ -10,11 +10,12 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
+from skelgen.capture.detection import BallFinder
 from skelgen.capture.optics import in_image, project
-from skelgen.capture.room.points import BallFinder, RoomPoints, RoomSource, Views
+from skelgen.capture.room.points import RoomPoints, Views
 from skelgen.capture.room.tracks import RoomTracker
 from skelgen.capture.room.wand_and_ground import FEWEST_CAMERAS
-from skelgen.capture.values import n_to_take
+from skelgen.capture.values import FrameSource, n_to_take
 from skelgen.errors import InputError
 from skelgen.model import PointCloud
 from skelgen.model.arrays import Bools, Floats, Ints
@@ -170,7 +171,7 @@ MANY_LOST = 0.001
 
 def markers_of_room(
     settings: RoomSettings,
-    source: RoomSource,
+    source: FrameSource,
     *,
     n_frames: int | None = None,
     name: str = "",
@@ -184,7 +185,7 @@ def markers_of_room(
     ----------
     settings : RoomSettings
         The cameras, and the parameters of the detection.
-    source : RoomSource
+    source : FrameSource
         Not yet entered.
     n_frames : int, optional
         Sets of images at most; by default all of them.

@@ -15,7 +15,6 @@ from skelgen.capture.calibration.chessboard import Board
 from skelgen.capture.images import IMAGE_SUFFIXES, read_image
 from skelgen.capture.room import simulated
 from skelgen.capture.room.live_sources import EXAMPLES, LiveSets, RecordedTogether, open_live_sets, run_together
-from skelgen.capture.room.points import FrameSet, RoomSource
 from skelgen.capture.simulated_rig import render_view
 from skelgen.capture.simulated_rig.board import board_image
 from skelgen.capture.simulated_rig.scene import joints_of, targets_of
@@ -24,7 +23,7 @@ from skelgen.capture.sources import SourceKind, open_by_kind
 from skelgen.capture.sources.images import natural_order
 from skelgen.capture.sources.options import FileOptions, FireWireOptions, GenicamOptions, SourceText, VideoOptions
 from skelgen.capture.sources.video import OpenVideos
-from skelgen.capture.values import Image, NothingToOpen
+from skelgen.capture.values import FrameSet, FrameSource, Image, NothingToOpen
 from skelgen.errors import CaptureError, InputError
 from skelgen.geometry.rotations import transform_from
 from skelgen.model.rig import CAMERAS_OF_A_ROOM, CameraRig, RoomSettings
@@ -102,14 +101,8 @@ class VideoSets(OpenVideos):
         super().__init__(paths, options)
         self.name, self.cameras = paths[0].parent.name or "videos", tuple(path.stem for path in paths)
         with self:
-            self._counts, rates = list(map(int, self._facts("FRAME_COUNT"))), self._facts("FPS")
+            self._promised, rates = int(max(self._facts("FRAME_COUNT"))), self._facts("FPS")
         self.rate = self.rate or float(np.median(rates)) or None
-
-    @property
-    def n_frames(self) -> int | None:
-        """Number of frames that the longest file promises."""
-        promised = max(self._counts)
-        return min(promised, self._limit) if self._limit else promised
 
     def __iter__(self) -> Iterator[FrameSet]:
         """Read frame by frame until all have ended."""
@@ -210,15 +203,15 @@ class SimulatedBoards(SimulatedRoom):
             yield FrameSet(tuple(images), frame / self.scene.rate, frame)
 
 
-def _open_folder(text: SourceText, options: FileOptions) -> RoomSource:
+def _open_folder(text: SourceText, options: FileOptions) -> FrameSource:
     return FolderSets(Path(text.place), options)
 
 
-def _open_videos(text: SourceText, options: VideoOptions) -> RoomSource:
+def _open_videos(text: SourceText, options: VideoOptions) -> FrameSource:
     return VideoSets(tuple(map(Path, text.places)), options)
 
 
-def _open_room(text: SourceText, options: RoomOptions) -> RoomSource:
+def _open_room(text: SourceText, options: RoomOptions) -> FrameSource:
     rig = simulated.room_rig(int(options.cameras), (int(options.width), int(options.width) * 3 // 4))
     n_frames, seed, rate = int(options.frames), int(options.seed), float(options.rate)
     if text.place == "wand":
@@ -247,7 +240,7 @@ def _with_some_targets(scene: simulated.RoomScene, arm: Structure, names: str) -
 
 
 _BESIDE = re.compile(r"\+(?=(?:folder|video|firewire|gige|gentl|room):)")
-_KINDS: tuple[SourceKind[RoomSource], ...] = (
+_KINDS: tuple[SourceKind, ...] = (
     SourceKind("folder", "folder:recording", "", FileOptions, _open_folder),
     SourceKind("video", "video:one.avi,two.avi,three.avi", "", VideoOptions, _open_videos),
     SourceKind("firewire", EXAMPLES["firewire"], "", FireWireOptions, open_live_sets),
@@ -257,7 +250,7 @@ _KINDS: tuple[SourceKind[RoomSource], ...] = (
 )
 
 
-def open_room_source(text: str, *, from_file: bool = False) -> RoomSource:
+def open_room_source(text: str, *, from_file: bool = False) -> FrameSource:
     """Return the source that a text names.
 
     Parameters

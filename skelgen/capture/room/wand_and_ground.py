@@ -111,22 +111,6 @@ def _parts_seen(wand: Floats) -> tuple[float, float]:
     return float(low), min(float(high), 0.5)
 
 
-def wand_views(frames: Sequence[Views], wand: Floats, least_shared: int) -> Floats:
-    """Return where all images show the wand, shape (n_frames, n_cameras, n_balls, 2), px; NaN where they do not.
-
-    Parameters
-    ----------
-    frames : sequence of views
-        What all cameras see, frame by frame.
-    wand : ndarray, shape (2 or 3,), mm
-        From `check_wand`.
-    least_shared : int
-        Frames that two cameras must share for a wand of two balls.
-    """
-    seen = np.array([[find_wand(balls.centres, wand) for balls in views] for views in frames])
-    return with_equal_ends(seen, least_shared) if len(wand) == TWO else seen
-
-
 ROUNDS = 4
 """From the middles to the balls: three change nothing more."""
 

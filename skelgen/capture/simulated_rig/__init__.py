@@ -17,7 +17,7 @@ from skelgen._kernels.rendering import N_NORMALS, SAMPLES, DrawnBall, Light, Nea
 from skelgen.capture.reference_rig import reference_rig
 from skelgen.capture.simulated_rig.scene import Scene, scene_of_structure, show_alone
 from skelgen.capture.simulated_rig.view import RenderParameters, ViewTruth, background, corner_rays, look_at
-from skelgen.capture.values import FramePair, Image, NothingToOpen
+from skelgen.capture.values import SIDES, FrameSet, Image, NothingToOpen
 from skelgen.errors import InputError
 from skelgen.model.arrays import Bools, Floats, check_bools, check_floats
 from skelgen.model.rig import Camera, CaptureSettings, StereoRig
@@ -43,10 +43,10 @@ class RenderedPairs(NothingToOpen, ABC):
     """
 
     def __init__(self, name: str, rig: StereoRig, n_frames: int, rate: float, paced: bool) -> None:
-        self.name, self.rig, self.size = name, rig, rig.left.size
+        self.name, self.cameras, self.rig, self.size = name, SIDES, rig, rig.left.size
         self.rate, self.n_frames, self.n_dropped, self._paced = rate, n_frames, 0, paced
 
-    def __iter__(self) -> Iterator[FramePair]:
+    def __iter__(self) -> Iterator[FrameSet]:
         """Deliver the pairs in order."""
         begin, index = time.monotonic(), 0
         while index < self.n_frames:
@@ -61,7 +61,7 @@ class RenderedPairs(NothingToOpen, ABC):
             index += 1
 
     @abstractmethod
-    def render(self, index: int, dropped: int = 0) -> tuple[FramePair, object]:
+    def render(self, index: int, dropped: int = 0) -> tuple[FrameSet, object]:
         """Return any pair with its truth; the same index gives the same pair.
 
         Parameters
@@ -117,7 +117,7 @@ class SimulatedRig(RenderedPairs):
         """The settings that a perfect calibration would find: rig, bodies and joints."""
         return CaptureSettings(self.rig, self.scene.bodies, self.scene.joints)
 
-    def render(self, index: int, dropped: int = 0) -> tuple[FramePair, PairTruth]:
+    def render(self, index: int, dropped: int = 0) -> tuple[FrameSet, PairTruth]:
         """Return any pair of the scene with its truth; the same index gives the same pair.
 
         Parameters
@@ -136,7 +136,7 @@ class SimulatedRig(RenderedPairs):
             raise InputError(f"frame {index} is asked for; the scene has frames 0 to {self.n_frames - 1}")
         points, hidden = self.scene.points[index], self.scene.hidden[index]
         pair, truth = render_pair(self.rig, points, self.parameters, hidden=hidden, seed=self._seed, index=index)
-        return FramePair(pair.left, pair.right, index / self.rate, index, dropped), truth
+        return FrameSet(pair.images, index / self.rate, index, dropped), truth
 
 
 def simulated_rig(
@@ -221,7 +221,7 @@ def render_pair(
     hidden: Bools | None = None,
     seed: int = 0,
     index: int = 0,
-) -> tuple[FramePair, PairTruth]:
+) -> tuple[FrameSet, PairTruth]:
     """Render balls into both images of a rig.
 
     Parameters
@@ -241,7 +241,7 @@ def render_pair(
 
     Returns
     -------
-    FramePair
+    FrameSet
         The images, at the time 0.
     PairTruth
         What is true of them.
@@ -262,7 +262,7 @@ def render_pair(
         for side, camera in enumerate((rig.left, rig.right))
     ]
     (left, left_truth), (right, right_truth) = views
-    return FramePair(left, right, 0.0, index), PairTruth(places, left_truth, right_truth)
+    return FrameSet((left, right), 0.0, index), PairTruth(places, left_truth, right_truth)
 
 
 def render_view(

@@ -13,7 +13,7 @@ from skelgen.capture.optics import project
 from skelgen.capture.reference_rig import reference_rig
 from skelgen.capture.simulated_rig import RenderedPairs
 from skelgen.capture.simulated_rig.view import corner_rays
-from skelgen.capture.values import FramePair, Image
+from skelgen.capture.values import FrameSet, Image
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import matrix_from_vector, moved_points, transform_from, vector_from_matrix
 from skelgen.model.arrays import Floats
@@ -45,13 +45,10 @@ class BoardTruth:
 
     Attributes
     ----------
-    world_from_board : ndarray, shape (4, 4), mm
-        Where the board is.
     left, right : ndarray, shape (n_corners, 2), px
         Its corners in both images.
     """
 
-    world_from_board: Floats
     left: Floats
     right: Floats
 
@@ -77,7 +74,7 @@ class SimulatedBoard(RenderedPairs):
         super().__init__("simulated board", reference_rig(), n_frames, rate, paced)
         self.board, self._seed = Board(), seed
 
-    def render(self, index: int, dropped: int = 0) -> tuple[FramePair, BoardTruth]:
+    def render(self, index: int, dropped: int = 0) -> tuple[FrameSet, BoardTruth]:
         """Return any pair with its truth; the same index gives the same pair.
 
         Parameters
@@ -93,8 +90,8 @@ class SimulatedBoard(RenderedPairs):
         images = [
             board_image(camera, self.board, pose, (self._seed, index, side)) for side, camera in enumerate(cameras)
         ]
-        truth = BoardTruth(pose, project(self.rig.left, corners), project(self.rig.right, corners))
-        return FramePair(images[0], images[1], index / self.rate, index, dropped), truth
+        truth = BoardTruth(project(self.rig.left, corners), project(self.rig.right, corners))
+        return FrameSet(tuple(images), index / self.rate, index, dropped), truth
 
     @cached_property
     def _places(self) -> Floats:

@@ -95,7 +95,6 @@ def scene_of_bodies(
     bodies: Sequence[BodyTarget],
     world_from_body: Floats,
     *,
-    single_balls: Floats | None = None,
     rate: float = 60.0,
     name: str = "targets",
 ) -> Scene:
@@ -107,8 +106,6 @@ def scene_of_bodies(
         The targets.
     world_from_body : ndarray, shape (n_frames, n_bodies, 4, 4), translations in mm
         Their poses in the rig's world.
-    single_balls : ndarray, shape (n_frames, n_single_balls, 3) or (n_single_balls, 3), mm, optional
-        Balls of no body; they come last, with -1 in `body_of_ball`.
     rate : float, Hz
         Frames a second.
     name : str
@@ -117,9 +114,6 @@ def scene_of_bodies(
     poses = check_floats(world_from_body, (None, len(bodies), 4, 4), "world_from_body", finite=True)
     owners = np.repeat(np.arange(len(bodies)), [len(body.points) for body in bodies])
     placed = [moved_points(poses[:, index], body.points) for index, body in enumerate(bodies)]
-    if single_balls is not None:
-        placed.append(np.broadcast_to(single_balls, (len(poses), *np.shape(single_balls)[-2:])))
-        owners = np.append(owners, np.full(np.shape(single_balls)[-2], -1))
     return Scene(np.concatenate(placed, axis=1), poses, owners, tuple(bodies), rate=rate, name=name)
 
 

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import Any
 
 from skelgen.capture.sources.options import (
     CameraOptions,
@@ -22,11 +22,9 @@ from skelgen.capture.values import FrameSource
 from skelgen.errors import InputError
 from skelgen.parameters import StageParameters
 
-Source = TypeVar("Source")
-
 
 @dataclass(frozen=True)
-class SourceKind(Generic[Source]):
+class SourceKind:
     """A row of a table of sources.
 
     Attributes
@@ -47,7 +45,7 @@ class SourceKind(Generic[Source]):
     example: str
     help: str
     options: type[StageParameters]
-    open: Callable[[SourceText, Any], Source]
+    open: Callable[[SourceText, Any], FrameSource]
 
 
 def _open_images(text: SourceText, options: FileOptions) -> FrameSource:
@@ -87,7 +85,7 @@ def _open_simulated(text: SourceText, options: SimulatedOptions) -> FrameSource:
     return simulated_rig(text.place or "arm", seed=seed, paced=paced, show=shown, n_frames=n_frames, rate=rate)
 
 
-SOURCES: tuple[SourceKind[FrameSource], ...] = (
+SOURCES: tuple[SourceKind, ...] = (
     SourceKind("folder", "folder:images", "a folder with left and right images", FileOptions, _open_images),
     SourceKind("list", "list:pairs.txt", "a list of left and right images, with times", FileOptions, _open_images),
     SourceKind("video", "video:left.avi,right.avi", "two video files", VideoOptions, _open_video),
@@ -135,7 +133,7 @@ def open_source(text: str, *, from_file: bool = False) -> FrameSource:
     return open_by_kind(text, SOURCES, ("images", "a folder"), from_file=from_file)
 
 
-def open_by_kind(text: str, kinds: Sequence[SourceKind[Source]], words: tuple[str, str], *, from_file: bool) -> Source:
+def open_by_kind(text: str, kinds: Sequence[SourceKind], words: tuple[str, str], *, from_file: bool) -> FrameSource:
     """Return the source that a text names, of a table of kinds.
 
     Parameters

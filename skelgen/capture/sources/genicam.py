@@ -147,30 +147,6 @@ def named(
     return chosen
 
 
-def only_two(found: list[Any], listed: str, example: str) -> list[Any]:
-    """Return the only two cameras that there are, where the user names none.
-
-    Parameters
-    ----------
-    found : list
-        All cameras.
-    listed : str
-        What was found, in words.
-    example : str
-        A text that names two, for messages.
-
-    Raises
-    ------
-    CaptureError
-        If there are not two.
-    """
-    if len(found) == 1:
-        raise CaptureError(f"one camera is missing: {listed}, and a pair needs two")
-    if len(found) != 2:
-        raise CaptureError(f"{listed}; name left and right, as {example}")
-    return found
-
-
 def first_size(camera: LiveCamera, options: GenicamOptions) -> tuple[int, int]:
     """Wait until the clock's offset is known, and return the images' size [px]; a trigger may delay the first image.
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from skelgen.capture.images import extra_module
 from skelgen.capture.sources import genicam
-from skelgen.capture.sources.options import GenicamOptions
+from skelgen.capture.sources.options import GenicamOptions, only_two
 from skelgen.capture.sources.pairs import Opener, Shot, with_rate
 from skelgen.errors import CaptureError, ParameterError
 
@@ -132,7 +132,7 @@ def _open(stack: ExitStack, producer: Path, names: tuple[str, ...], options: Gen
     found = list(harvester.device_info_list)
     listed = "found " + (", ".join(device.id_ for device in found) or "no camera; check cables and power")
     if not names:
-        chosen = genicam.only_two(found, f"{producer} {listed}", EXAMPLE)
+        chosen = only_two(found, f"{producer} {listed}", EXAMPLE)
     else:
         known = [(device.id_, _serial(device)) for device in found]
         chosen = genicam.named(found, known, names, f"{producer} has no camera", listed)

@@ -8,7 +8,7 @@ from typing import Any
 
 from skelgen.capture.images import extra_module
 from skelgen.capture.sources import genicam
-from skelgen.capture.sources.options import GenicamOptions
+from skelgen.capture.sources.options import GenicamOptions, only_two
 from skelgen.capture.sources.pairs import Opener, Shot, with_rate
 from skelgen.errors import CaptureError
 
@@ -98,7 +98,7 @@ def _open(stack: ExitStack, addresses: tuple[str, ...], options: GenicamOptions)
     names, listed = [(device.ip, device.mac.lower()) for device in found], _listed(found)
     lower = tuple(address.lower() for address in addresses)
     none = "no GigE Vision camera answers at"
-    chosen = genicam.named(found, names, lower, none, listed) if lower else genicam.only_two(found, listed, EXAMPLE)
+    chosen = genicam.named(found, names, lower, none, listed) if lower else only_two(found, listed, EXAMPLE)
     return [GigeCamera(device, options, stack) for device in chosen]
 
 

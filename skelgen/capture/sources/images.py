@@ -10,7 +10,7 @@ import numpy as np
 from skelgen.capture.images import IMAGE_SUFFIXES, read_image
 from skelgen.capture.sources.options import FileOptions
 from skelgen.capture.sources.pairs import check_same_size, lost_between
-from skelgen.capture.values import FramePair, Image, NothingToOpen
+from skelgen.capture.values import SIDES, FrameSet, Image, NothingToOpen
 from skelgen.errors import CaptureError, FormatError, InputError
 from skelgen.files import read_content
 from skelgen.progress import counted
@@ -191,8 +191,7 @@ class ImagePairs(NothingToOpen):
     """
 
     def __init__(self, name: str, pairs: list[ImagePair], options: FileOptions) -> None:
-        self.name = name
-        self.n_dropped = 0
+        self.name, self.cameras, self.n_dropped = name, SIDES, 0
         self._pairs = pairs[: options.frames or None]
         times = [pair.time for pair in self._pairs if pair.time is not None]
         follows = float(1 / np.median(np.diff(times))) if len(times) == len(self._pairs) > 1 else None
@@ -207,7 +206,7 @@ class ImagePairs(NothingToOpen):
         """Names of the left images, in the order of the pairs."""
         return tuple(pair.left.name for pair in self._pairs)
 
-    def __iter__(self) -> Iterator[FramePair]:
+    def __iter__(self) -> Iterator[FrameSet]:
         """Read one pair after the other."""
         index = -1
         before: float | None = None
@@ -216,7 +215,7 @@ class ImagePairs(NothingToOpen):
             index += 1 + lost
             self.n_dropped += lost
             before = pair.time
-            yield FramePair(self._read(pair.left), self._read(pair.right), self._time(pair, index), index, lost)
+            yield FrameSet((self._read(pair.left), self._read(pair.right)), self._time(pair, index), index, lost)
 
     def _time(self, pair: ImagePair, index: int) -> float:
         first = self._pairs[0].time

@@ -3,9 +3,9 @@
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import Any, ClassVar
 
-from skelgen.errors import ParameterError
+from skelgen.errors import CaptureError, ParameterError
 from skelgen.parameters import StageParameters, declare
 
 _TEXT = re.compile(r"(?P<kind>[a-z][a-z0-9]+):(?P<place>.*?)(\?(?P<options>\w+=[^?]*))?", re.DOTALL)
@@ -93,6 +93,30 @@ def check_two_cameras(kind: str, names: tuple[str, ...], example: str) -> None:
         raise ParameterError(f"{kind}: names {len(names)} cameras where left and right belong, as in {example}")
     if len(names) == 2 and names[0] == names[1]:
         raise ParameterError(f"{kind}: left and right are both {names[0]}; a pair needs two cameras, as in {example}")
+
+
+def only_two(found: list[Any], listed: str, example: str) -> list[Any]:
+    """Return the only two cameras that there are, where the user names none.
+
+    Parameters
+    ----------
+    found : list
+        All cameras.
+    listed : str
+        What was found, in words.
+    example : str
+        A text that names two, for messages.
+
+    Raises
+    ------
+    CaptureError
+        If there are not two.
+    """
+    if len(found) == 1:
+        raise CaptureError(f"one camera is missing: {listed}, and a pair needs two")
+    if len(found) != 2:
+        raise CaptureError(f"{listed}; name left and right, as {example}")
+    return found
 
 
 @dataclass(frozen=True)

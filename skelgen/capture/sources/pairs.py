@@ -1,12 +1,13 @@
-"""Numbered pairs from the images of two cameras: which belong together, how many were lost, the newest of live ones."""
+"""Cameras that run, moment by moment: what was lost between, and which images of two cameras belong together."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Protocol, Self
 
 from skelgen.capture.sources.options import CameraOptions
-from skelgen.capture.values import FramePair, Image
+from skelgen.capture.values import SIDES, FrameSet, Image
 from skelgen.errors import CaptureError
 
 
@@ -27,49 +28,6 @@ class Shot:
     image: Image
     time: float
     number: int | None = None
-
-
-class PairCounter:
-    """Gives pairs their time and index, and counts those that were lost before them.
-
-    Lost pairs show as holes in the cameras' own count, or else as gaps between the times: libdc1394's count of
-    frames that wait is always zero on Linux.
-
-    Parameters
-    ----------
-    rate : float or None
-        Pairs a second [Hz]; None counts by the cameras' numbers alone.
-    """
-
-    def __init__(self, rate: float | None) -> None:
-        self.rate = rate
-        self.n_dropped = 0
-        self._index = -1
-        self._first_time = 0.0
-        self._last: Shot | None = None
-
-    def pair(self, left: Shot, right: Shot) -> FramePair:
-        """Return the next pair; its time is the left image's.
-
-        Parameters
-        ----------
-        left, right : Shot
-            Later than those of the pair before.
-        """
-        lost = 0 if self._last is None else self._lost_between(self._last, left)
-        if self._last is None:
-            self._first_time = left.time
-        self._last = left
-        self._index += 1 + lost
-        self.n_dropped += lost
-        left.image.flags.writeable = False
-        right.image.flags.writeable = False
-        return FramePair(left.image, right.image, left.time - self._first_time, self._index, lost)
-
-    def _lost_between(self, before: Shot, now: Shot) -> int:
-        if before.number is not None and now.number is not None:
-            return max(now.number - before.number - 1, 0)
-        return lost_between(before.time, now.time, self.rate)
 
 
 def lost_between(before: float | None, now: float | None, rate: float | None) -> int:
@@ -169,7 +127,7 @@ Opener = Callable[[ExitStack], tuple[Sequence[LiveCamera], float | None]]
 """Opens and starts all cameras; the stack closes them. Their rate [Hz], if it is known."""
 
 
-class LiveCameras:
+class LiveCameras(ABC):
     """Cameras that run while they are entered.
 
     Parameters
@@ -189,13 +147,17 @@ class LiveCameras:
         Moments a second; known while the cameras run.
     worst_skew : float, s
         How far apart images of one moment were at most.
+    n_dropped : int
+        Moments lost so far: holes in the count of the first camera, or else gaps between the times, as libdc1394's
+        count of frames that wait is always zero on Linux.
     """
 
     def __init__(self, name: str, opener: Opener, options: CameraOptions) -> None:
         self.name, self.opener, self.options = name, opener, options
         self.n_frames = options.frames or None
         self.rate: float | None = options.rate or None
-        self.worst_skew = 0.0
+        self.worst_skew, self._first_time = 0.0, 0.0
+        self.n_dropped, self._index, self._before = 0, -1, list[Shot | None]()
         self._stack, self.running = ExitStack(), list[LiveCamera]()
 
     def __enter__(self) -> Self:
@@ -204,7 +166,7 @@ class LiveCameras:
             cameras, self.rate = self.opener(stack)
             self._begin(cameras)
             self._stack = stack.pop_all()
-        self.running = list(cameras)
+        self.running, self.n_dropped, self._index, self._before = list(cameras), 0, -1, []
         return self
 
     def __exit__(self, *exception: object) -> None:
@@ -212,8 +174,39 @@ class LiveCameras:
         self.running = []
         self._stack.close()
 
+    def __iter__(self) -> Iterator[FrameSet]:
+        """Deliver moments until the source is closed, or as many as were asked for; their times are the first camera's.
+
+        Raises
+        ------
+        CaptureError
+            If cameras are unplugged or fall silent, or images of one moment are further apart than allowed.
+        """
+        n_delivered = 0
+        while self.running and n_delivered != self.n_frames:
+            shots = self._next()
+            time, lost = _time_of(shots), self._lost_before(shots)
+            self._first_time = self._first_time if self._before else time
+            self._before, self._index, self.n_dropped = shots, self._index + 1 + lost, self.n_dropped + lost
+            images = tuple(None if shot is None else shot.image for shot in shots)
+            yield FrameSet(images, time - self._first_time, self._index, lost)
+            n_delivered += 1
+
+    def _lost_before(self, now: list[Shot | None]) -> int:
+        if not self._before:
+            return 0
+        one, other = self._before[0], now[0]
+        if one is not None and other is not None and one.number is not None and other.number is not None:
+            return max(other.number - one.number - 1, 0)
+        return lost_between(_time_of(self._before), _time_of(now), self.rate)
+
+    @abstractmethod
     def _begin(self, cameras: Sequence[LiveCamera]) -> None:
         """Check cameras that were just opened."""
+
+    @abstractmethod
+    def _next(self) -> list[Shot | None]:
+        """Take the images of the next moment, None of cameras that lost theirs, which are not all."""
 
     @property
     def _allowed(self) -> float:
@@ -226,10 +219,14 @@ class LiveCameras:
         return max(0.5 / self.rate if self.rate else 0.0, self._allowed)
 
 
+def _time_of(shots: Sequence[Shot | None]) -> float:
+    return next(shot.time for shot in shots if shot is not None)
+
+
 class LivePairs(LiveCameras):
     """The frame source of two cameras; see `LiveCameras`."""
 
-    _counter = PairCounter(None)
+    cameras = SIDES
 
     @property
     def size(self) -> tuple[int, int]:
@@ -238,30 +235,12 @@ class LivePairs(LiveCameras):
             raise CaptureError(f"{self.name} is not open; use it in a with block")
         return self.running[0].size
 
-    @property
-    def n_dropped(self) -> int:
-        """Pairs lost so far."""
-        return self._counter.n_dropped
-
     def _begin(self, cameras: Sequence[LiveCamera]) -> None:
         left, right = cameras
         check_same_size(left.size, right.size, (left.name, right.name))
-        self._counter = PairCounter(self.rate)
 
-    def __iter__(self) -> Iterator[FramePair]:
-        """Deliver pairs until the source is closed, or as many as were asked for.
-
-        Raises
-        ------
-        CaptureError
-            If a camera is unplugged or falls silent, or the images of a pair are further apart than allowed.
-        """
-        n_delivered = 0
-        while self.running and (self.n_frames is None or n_delivered < self.n_frames):
-            yield self._counter.pair(*self._next(*self.running))
-            n_delivered += 1
-
-    def _next(self, left: LiveCamera, right: LiveCamera) -> tuple[Shot, Shot]:
+    def _next(self) -> list[Shot | None]:
+        left, right = self.running
         take = self._newest if self.options.order == "newest" else self._following
         first, second = take(left), take(right)
         for _ in range(_TRIES):
@@ -279,7 +258,9 @@ class LivePairs(LiveCameras):
                 "?skew=..."
             )
         self.worst_skew = max(self.worst_skew, skew)
-        return first, second
+        for shot in (first, second):
+            shot.image.flags.writeable = False
+        return [first, second]
 
     def _following(self, camera: LiveCamera) -> Shot:
         shot = camera.take(self.options.timeout)

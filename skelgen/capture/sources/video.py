@@ -10,7 +10,7 @@ import numpy as np
 from skelgen.capture.images import opencv
 from skelgen.capture.sources.options import VideoOptions
 from skelgen.capture.sources.pairs import check_same_size
-from skelgen.capture.values import FramePair, Image
+from skelgen.capture.values import SIDES, FrameSet, Image
 from skelgen.errors import CaptureError, FormatError
 from skelgen.progress import counted
 
@@ -33,6 +33,12 @@ class OpenVideos:
         self._paths, self._limit, self._stack = tuple(paths), options.frames, ExitStack()
         self._videos: list[Any] = []
         self.rate: float | None = options.rate or None
+        self._promised = 0
+
+    @property
+    def n_frames(self) -> int | None:
+        """Number of frames that the files promise; None if they do not know."""
+        return min((count for count in (self._promised, self._limit) if count > 0), default=None)
 
     def __enter__(self) -> Self:
         self._videos = open_videos(self._paths, self._stack)
@@ -74,30 +80,21 @@ class VideoPairs(OpenVideos):
 
     def __init__(self, left: Path, right: Path, options: VideoOptions) -> None:
         super().__init__((left, right), options)
-        self.name, self.n_dropped = f"{left.name} and {right.name}", 0
+        self.name, self.cameras, self.n_dropped = f"{left.name} and {right.name}", SIDES, 0
         with self:
             widths, heights, counts = (map(int, self._facts(f"FRAME_{name}")) for name in ("WIDTH", "HEIGHT", "COUNT"))
             sizes = list(zip(widths, heights, strict=True))
             self.size = check_same_size(sizes[0], sizes[1], (str(left), str(right)))
-            self._counts = list(counts)
+            self._promised = min(counts)
             self.rate = self.rate or self._common_rate()
 
-    @property
-    def n_frames(self) -> int | None:
-        """Number of pairs that the files promise; None if they do not know."""
-        known = min(self._counts)
-        promised = known if known > 0 else None
-        if not self._limit:
-            return promised
-        return self._limit if promised is None else min(promised, self._limit)
-
-    def __iter__(self) -> Iterator[FramePair]:
+    def __iter__(self) -> Iterator[FrameSet]:
         """Read frame by frame; a file that ends before the other is an error, after all pairs were delivered."""
         for index, time, (left, right) in self._frames():
             if left is None or right is None:
                 self._check_end(index, left is None, right is None)
                 return
-            yield FramePair(left, right, time, index)
+            yield FrameSet((left, right), time, index)
 
     def _check_end(self, n_read: int, left_ended: bool, right_ended: bool) -> None:
         for ended, other, path in zip((left_ended, right_ended), (right_ended, left_ended), self._paths, strict=True):
@@ -108,9 +105,9 @@ class VideoPairs(OpenVideos):
                     f"ends after {counted(n_read, 'frame')}, before the other video; if those belong together, "
                     f"take them with ?frames={n_read}",
                 )
-        if n_read + _COUNT_SLACK < min(self._counts):
+        if n_read + _COUNT_SLACK < self._promised:
             raise FormatError(
-                self._paths[0], f"frame {n_read}", f"cannot be read on, though {min(self._counts)} frames are promised"
+                self._paths[0], f"frame {n_read}", f"cannot be read on, though {self._promised} frames are promised"
             )
 
     def _common_rate(self) -> float | None:

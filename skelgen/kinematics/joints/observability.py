@@ -162,7 +162,7 @@ def observed_joints(skeleton: Skeleton, motion: Motion) -> tuple[Observed, ...]:
         parent, child = (motion.world_from_limb[frames, limb, :3, :3] for limb in (joint.parent, joint.child))
         relative = parent.swapaxes(1, 2) @ child
         turned = range_of_motion(relative)
-        covariance = covariance_of_place(joint)
+        covariance = joint.place_covariance
         values, vectors = np.linalg.eigh(covariance)
         worst = float(np.sqrt(max(values[-1], 0.0)))
         limbs, size = (joint.parent, joint.child), size_of_limb(skeleton, joint.child)
@@ -183,11 +183,6 @@ def observed_joints(skeleton: Skeleton, motion: Motion) -> tuple[Observed, ...]:
             advice = advice or _missing_motion(joint.child, turned, open_direction, middle_of(relative) @ middle)
         found.append(Observed(turned, vectors[:, -1], worst, n_open, sentence, advice))
     return tuple(found)
-
-
-def covariance_of_place(joint: Joint) -> Floats:
-    """Return the covariance of a joint's place in its parent, shape (3, 3), mm^2."""
-    return np.diag(joint.std**2) if joint.covariance is None else joint.covariance
 
 
 def _not_by_motion(joint: Joint, motion: RangeOfMotion, n_open: int, is_shown: bool) -> Iterator[str]:

@@ -224,8 +224,7 @@ def _best_angle(pair: Floats, rest: Floats, largest: Floats) -> float:
     peak = np.maximum(np.maximum(one, two), largest[:, np.newaxis])
     costs = (scale[:, np.newaxis] / np.maximum(peak, TINY)).sum(axis=0)
     best = int(np.argmin(costs))
-    gain = costs[len(ANGLES) // 2] - costs[best]
-    return float(ANGLES[best]) if gain > 0 else 0.0
+    return float(ANGLES[best]) if costs[best] < costs[len(ANGLES) // 2] else 0.0
 
 
 def _spread(columns: Floats) -> float:

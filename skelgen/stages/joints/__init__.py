@@ -5,7 +5,7 @@
 """
 
 from skelgen.stages.joints.parameters import JointConstraints, JointParameters, limb_pairs
-from skelgen.stages.joints.sensor_slips import find_sensor_slips, slips_moved_back
+from skelgen.stages.joints.sensor_slips import slips_moved_back
 from skelgen.stages.joints.spans import find_joint_spans
 from skelgen.stages.joints.stage import JointSearch, find_joints
 
@@ -15,7 +15,6 @@ __all__ = [
     "JointSearch",
     "find_joint_spans",
     "find_joints",
-    "find_sensor_slips",
     "limb_pairs",
     "slips_moved_back",
 ]

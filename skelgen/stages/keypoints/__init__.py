@@ -6,6 +6,7 @@
 import numpy as np
 
 from skelgen.errors import InputError
+from skelgen.geometry.statistics import mean_of_known
 from skelgen.kinematics.inverse.motion import MotionAngles
 from skelgen.model import Joint, Limbs, Motion, Skeleton, Topology, Trajectories
 from skelgen.model.arrays import Floats
@@ -109,7 +110,7 @@ def fit_keypoint_skeleton(trajectories: Trajectories, limbs: Limbs) -> tuple[Ske
     reference = np.tile(np.eye(4), (len(bones.points), 1, 1))
     reference[:, :3, 3] = posed.poses[posed.reference, :, :3, 3]
     children = joint_children(bones.parents)
-    spread = np.sqrt(np.nan_to_num(_mean(residuals**2)) / 3.0)
+    spread = np.sqrt(np.nan_to_num(mean_of_known(residuals**2)) / 3.0)
     skeleton = Skeleton(
         parents=bones.parents,
         joints=tuple(_joint(bones, posed, int(child), spread, trajectories.n_frames) for child in children),
@@ -151,8 +152,3 @@ def _joint(bones: Bones, posed: PosedBones, child: int, spread: Floats, n_frames
     place = posed.offsets[parent][np.flatnonzero(bones.points[parent] == begin)[0]]
     std = np.full(3, spread[begin] / np.sqrt(max(n_frames, 1)))
     return Joint(parent, child, place, np.zeros(3), "ball", None, std)
-
-
-def _mean(values: Floats) -> Floats:
-    known = ~np.isnan(values)
-    return np.asarray(np.where(known, values, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1))

@@ -107,7 +107,7 @@ def _beginnings(shape: Shape, sets: tuple[tuple[Match, WornSet], ...]) -> tuple[
     """
     starts = tuple(replace(match, of_set=_places_of(worn)[match.of_set]) for match, worn in sets)
     silent = np.zeros(shape.distances.shape)
-    best, cost = _led_on(shape, [_search(shape, start, silent) for start in starts])
+    best, cost = _led_on(shape, min((_search(shape, start, silent) for start in starts), key=_cost))
     if cost >= GOOD:
         others = [min(matches(shape, posed, SEARCHES), key=_misfit) for posed in _places_in_postures()]
         tried = [_search(shape, start, silent) for start in sorted(others, key=_misfit)[:TRIED]]
@@ -132,9 +132,9 @@ def _cost(end: tuple[Match, float]) -> float:
     return end[1]
 
 
-def _led_on(shape: Shape, ends: Sequence[tuple[Match, float]]) -> tuple[Match, float]:
-    """Where searches end that go on from the best end of others, as long as they find better ones."""
-    silent, found = np.zeros(shape.distances.shape), min(ends, key=_cost)
+def _led_on(shape: Shape, found: tuple[Match, float]) -> tuple[Match, float]:
+    """Where searches end that go on from the end of another, as long as they find better ones."""
+    silent = np.zeros(shape.distances.shape)
     for _ in range(LEADS):
         after = _search(shape, found[0], silent, LED_ON)
         if after[1] >= found[1]:
@@ -147,7 +147,7 @@ def _gone_on(shape: Shape, ends: Sequence[tuple[Match, float]]) -> tuple[Match, 
     """The best of where searches end that go on from each of some ends, until one is good."""
     found = []
     for end in ends:
-        found.append(_with_limbs_anew(shape, _led_on(shape, [end])))
+        found.append(_with_limbs_anew(shape, _led_on(shape, end)))
         if found[-1][1] < GOOD:
             break
     return min(found, key=_cost)

@@ -215,10 +215,10 @@ def find_hand(tree: MovingTree) -> BodyPlan | None:
     parallel = np.median(along(directions, unit_vectors(directions.sum(axis=0))), axis=1)
     if np.sort(parallel)[1] < _LEAST_PARALLEL or _likest_legs(tree)[0] < _NO_FINGERS:  # the thumb may point elsewhere
         return None
-    return _hand(tree, palm, fingers)
+    return _hand(palm, fingers)
 
 
-def _hand(tree: MovingTree, palm: int, fingers: list[_Leg]) -> BodyPlan:
+def _hand(palm: int, fingers: list[_Leg]) -> BodyPlan:
     """Name the fingers: the thumb begins farthest behind the others, the index is next to it."""
 
     def behind(number: int) -> float:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from skelgen.geometry.rotations import fill_rotations
+from skelgen.geometry.statistics import mean_of_known
 from skelgen.kinematics.chain.chain import Chain
 from skelgen.kinematics.rigid_bodies import LimbShape, fit_shape
 from skelgen.model import Limbs, Topology, Trajectories
@@ -175,6 +176,4 @@ def _mean(local: Floats, known: Bools) -> Floats:
 
 def _mean_distances(points: Floats, start: int) -> Floats:
     """Mean distance of each point from one of them [mm], shape (n_points,); 0 where they are never seen together."""
-    distance = np.linalg.norm(points - points[:, start, np.newaxis], axis=2)
-    known = ~np.isnan(distance)
-    return np.asarray(np.where(known, distance, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1))
+    return mean_of_known(np.linalg.norm(points - points[:, start, np.newaxis], axis=2))

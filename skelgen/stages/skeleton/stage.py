@@ -15,7 +15,7 @@ from skelgen.geometry.rotations import transform_from
 from skelgen.geometry.statistics import spread_of_markers
 from skelgen.kinematics.calibration.limb_errors import deviations
 from skelgen.kinematics.inverse.motion import MotionAngles
-from skelgen.kinematics.joints.observability import covariance_of_place, observed_joints, open_directions, size_of_limb
+from skelgen.kinematics.joints.observability import observed_joints, open_directions, size_of_limb
 from skelgen.model import Joint, Limbs, Motion, Skeleton, Topology, Trajectories
 from skelgen.model.arrays import Floats, Ints
 from skelgen.progress import SILENT, Monitor
@@ -199,7 +199,7 @@ def _make_skeleton(fitted: list[FittedBody], limbs: Limbs, topology: Topology) -
 def _with_open_directions(skeleton: Skeleton, joint: Joint, n_by_motion: int) -> Joint:
     """Note in how many directions motion leaves a joint open, or motion and what is known of it."""
     axis = joint.axis if joint.kind == "hinge" else None
-    n_open = open_directions(covariance_of_place(joint), size_of_limb(skeleton, joint.child), axis)
+    n_open = open_directions(joint.place_covariance, size_of_limb(skeleton, joint.child), axis)
     return replace(joint, open_directions=max(n_open, n_by_motion))
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from skelgen.capture.markers import markers_of, misfit_in_space
 from skelgen.capture.simulated_rig import simulated_rig
-from skelgen.capture.values import FramePair
+from skelgen.capture.values import FrameSet
 from skelgen.errors import Cancelled, InputError
 from skelgen.geometry.rotations import matrix_from_vector
 from skelgen.progress import SilentMonitor
@@ -20,7 +20,7 @@ BALL = 7.0  # mm: radius of the balls; what is farther from all centres is none
 class Pairs:
     """A source of pairs that are given."""
 
-    name, n_dropped, size = "pairs", 0, (640, 480)
+    name, cameras = "pairs", ("left", "right")
 
     def __init__(self, pairs, n_frames=0, rate=60.0):
         self._pairs, self.rate = pairs, rate
@@ -101,7 +101,7 @@ def test_lost_pairs_leave_their_time_empty(arm, pairs):
 
 def test_a_frame_without_balls_is_an_empty_frame_and_told(arm, pairs):
     dark = np.full((480, 640), 8, np.uint8)
-    cloud = markers_of(arm.settings, Pairs([*pairs[:10], FramePair(dark, dark, pairs[10].time, 10), *pairs[11:20]]))
+    cloud = markers_of(arm.settings, Pairs([*pairs[:10], FrameSet((dark, dark), pairs[10].time, 10), *pairs[11:20]]))
     assert cloud.points_per_frame[10] == 0 and (np.delete(cloud.points_per_frame, 10) > 0).all()
     assert any(note.startswith("left image of 1 of 20 pairs, first of number 10: ") for note in cloud.notices)
 
@@ -113,19 +113,19 @@ def test_images_of_unknown_rate_are_told(arm, pairs):
 
 def black(pairs):
     dark = np.zeros((480, 640), np.uint8)
-    return [FramePair(dark, dark, pair.time, pair.index) for pair in pairs]
+    return [FrameSet((dark, dark), pair.time, pair.index) for pair in pairs]
 
 
 def swapped(pairs):
-    return [FramePair(pair.right, pair.left, pair.time, pair.index) for pair in pairs]
+    return [FrameSet((pair.right, pair.left), pair.time, pair.index) for pair in pairs]
 
 
 def mirrored(pairs):
-    return [replace(pair, right=pair.right[::-1]) for pair in pairs]
+    return [replace(pair, images=(pair.left, pair.right[::-1])) for pair in pairs]
 
 
 def smaller(pairs):
-    return [replace(pair, right=pair.right[:, :600]) for pair in pairs]
+    return [replace(pair, images=(pair.left, pair.right[:, :600])) for pair in pairs]
 
 
 @pytest.mark.parametrize(
@@ -134,7 +134,7 @@ def smaller(pairs):
         (black, r"take: no ball is seen in both images of any pair; left image of 60 of 60 pairs, .*lens caps"),
         (swapped, "take: .* the cameras are swapped"),
         (mirrored, "take: .* the settings are of another rig"),
-        (smaller, "the right image of frame 0 has 600 x 480 pixels, the right camera of the settings 640 x 480"),
+        (smaller, "the right camera sends 600 x 480 pixels, and its calibration is for 640 x 480"),
         (lambda pairs: [], "take: there is no pair of images"),
     ],
 )

@@ -153,13 +153,11 @@ def test_samples_see_the_rays_of_the_lens():
 def test_balls_of_a_body_are_where_its_pose_puts_them():
     rig, body = reference_rig(), BodyTarget("star", np.array([[0.0, 0, 0], [40, 0, 0], [0, 55, 0], [0, 0, 70]]))
     poses = wandering_poses(rig, 20, 2, seed=2)
-    scene = scene_of_bodies(
-        [body, BodyTarget("other", body.points * 1.3)], poses, single_balls=np.array([[0.0, 0.0, 900.0]])
-    )
-    assert scene.points.shape == (20, 9, 3)
+    scene = scene_of_bodies([body, BodyTarget("other", body.points * 1.3)], poses)
+    assert scene.points.shape == (20, 8, 3)
     expected = body.points @ poses[7, 0, :3, :3].T + poses[7, 0, :3, 3]
     assert scene.points[7, :4] == pytest.approx(expected)
-    assert scene.body_of_ball.tolist() == [0] * 4 + [1] * 4 + [-1]
+    assert scene.body_of_ball.tolist() == [0] * 4 + [1] * 4
 
 
 def test_markers_of_a_simulated_structure_are_the_balls_of_its_scene():

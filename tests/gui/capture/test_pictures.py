@@ -81,7 +81,7 @@ def test_all_cameras_of_a_room_are_shown(qapp):
         pictures.show(captured[1])
         assert bright(pictures.view) > before + 50
         assert {pictures.view.place_of(camera, 0, 0).x() > 450 for camera in range(4)} == {True, False}
-        lost = replace(captured[1].pair, images=(None, *captured[1].images[1:]))
+        lost = replace(captured[1].pair, images=(None, *captured[1].pair.images[1:]))
         pictures.view.hide()
         pictures.view.show()
         pictures.show(replace(captured[1], pair=lost))

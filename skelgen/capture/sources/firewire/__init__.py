@@ -9,7 +9,7 @@ from pathlib import Path
 
 from skelgen.capture.sources.firewire import library as dc
 from skelgen.capture.sources.firewire.camera import FireWireCamera, Modes, Setting
-from skelgen.capture.sources.options import FireWireOptions
+from skelgen.capture.sources.options import FireWireOptions, only_two
 from skelgen.capture.sources.pairs import Opener
 from skelgen.errors import CaptureError, ParameterError
 
@@ -123,14 +123,9 @@ def _guids_of(context: int) -> list[int]:
 def _only_two(guids: list[int]) -> list[int]:
     if not guids:
         raise CaptureError(why_no_camera(sorted(Path("/dev").glob("fw[0-9]*"))))
-    listed = ", ".join(f"{guid:016x}" for guid in guids)
-    if len(guids) == 1:
-        raise CaptureError(f"one camera is missing: only {listed} is on the IEEE 1394 bus, and a pair needs two")
-    if len(guids) > 2:
-        raise CaptureError(
-            f"{len(guids)} cameras are on the IEEE 1394 bus: {listed}; name left and right, as {EXAMPLE}"
-        )
-    return guids
+    called = ", ".join(f"{guid:016x}" for guid in guids)
+    several = f"{len(guids)} cameras are on the IEEE 1394 bus: {called}"
+    return only_two(guids, several if len(guids) > 1 else f"only {called} is on the IEEE 1394 bus", EXAMPLE)
 
 
 def _check_speed(cameras: list[FireWireCamera], speed: int) -> None:

@@ -74,7 +74,6 @@ class FireWireCamera:
         self.size = (0, 0)
         self.capacity: int | None = 0
         self._descriptor = -1
-        self._bytes: Any = None
         self._poll = select.poll()
 
     def modes(self) -> Modes:

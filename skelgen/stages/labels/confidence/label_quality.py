@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from skelgen.model import PointCloud, Trajectories
-from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.model.arrays import Bools, Floats, Ints, runs_of_equal
 from skelgen.model.labelling import Agreement, Doubt, Finding, Labelling, Tracklets, seen_runs
 from skelgen.stages.labels.confidence.identity import (
     CORRELATED_SECONDS,
@@ -155,8 +155,7 @@ def _parts(track: Ints, marker_of_point: Ints, frame_of_point: Ints, n_before: i
     order = np.argsort(track, kind="stable")
     order = order[track[order] >= 0]
     track, marker, frame = track[order], marker_of_point[order], frame_of_point[order]
-    starts = np.flatnonzero(_begins(track, marker))
-    ends = np.append(starts[1:], len(order)) - 1 if len(starts) else starts
+    starts, ends = runs_of_equal(track, marker)
     return np.stack(
         [track[starts], marker[starts], frame[starts], frame[ends], ends - starts + 1, order[starts] + n_before]
     )
@@ -166,19 +165,12 @@ def _tracklets_of_parts(cloud: PointCloud, parts: list[Ints]) -> Tracklets:
     """Put the parts of successive frames together; those of one track and marker become one."""
     found = np.concatenate(parts, axis=1) if parts else np.empty((6, 0), dtype=np.intp)
     track, marker, first, last, n_points, point = found[:, np.lexsort((found[2], found[0]))]
-    starts = np.flatnonzero(_begins(track, marker))
-    ends = np.append(starts[1:], len(track)) - 1 if len(starts) else starts
+    starts, ends = runs_of_equal(track, marker)
     numbered = np.unique(track[starts], return_inverse=True)[1].reshape(-1)
     first, point = first[starts], point[starts]
     counts = np.add.reduceat(n_points, starts) if len(starts) else n_points
     index = point - cloud.frame_starts[first]
     return Tracklets(numbered, marker[starts], first, last[ends], counts, index, cloud.points[point])
-
-
-def _begins(track: Ints, marker: Ints) -> Bools:
-    new = np.ones(len(track), dtype=np.bool_)
-    new[1:] = (track[1:] != track[:-1]) | (marker[1:] != marker[:-1])
-    return new
 
 
 def _agreement(classic: Ints, found: Ints, n_markers: int) -> Agreement:

@@ -29,6 +29,12 @@ FULLEST = 0.99
 TOO_MANY = 1.1
 """Times the points that are seen at once: of more markers many are parts of others."""
 
+NEAR = 3
+"""Frames: parts in which labellings differ are of one span if no more lie between them."""
+
+MOST_PARTS = 40
+"""Of them, the largest, each of which is judged by the whole take."""
+
 
 def existence(cloud: PointCloud, marker_of_point: Ints) -> float:
     """Evidence [nats] against a marker that is never seen beside another one: length of the take in mean gaps.
@@ -108,13 +114,6 @@ def explains_more(take: FollowedCloud, found: Ints, other: Ints, *, counts_marke
 
 def _n_at_once(take: FollowedCloud) -> float:
     return float(np.quantile(take.cloud.points_per_frame, FULLEST))
-
-
-NEAR = 3
-"""Frames: parts are of one span if no more lie between them."""
-
-MOST_PARTS = 40
-"""Of them, the largest, each of which is judged by the whole take."""
 
 
 def fused_labels(take: FollowedCloud, found: Ints, other: Ints) -> Ints:

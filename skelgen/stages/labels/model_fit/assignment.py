@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skelgen.model.arrays import Floats, Ints, rows_of_each
+from skelgen.model.arrays import Floats, Ints, rows_of_each, runs_of_equal
 from skelgen.stages.labels.explanations import Explanations
 from skelgen.stages.labels.model_fit.model import LimbPoses, steadiest_place
 from skelgen.stages.labels.point_labels import Block
@@ -51,9 +51,8 @@ def split_where_marker_changes(track_of_point: Ints, explained: Explanations) ->
     voting = np.flatnonzero(voted >= 0)
     steady = _without_short_runs(track[voting], voted[voting])
     held = _carried(track, voting, steady)
-    new = np.ones(len(order), dtype=bool)
-    new[1:] = (track[1:] != track[:-1]) | (held[1:] != held[:-1])
-    tracks[order] = np.cumsum(new) - 1
+    first, last = runs_of_equal(track, held)
+    tracks[order] = np.repeat(np.arange(len(first)), last - first + 1)
     return tracks
 
 
@@ -61,8 +60,8 @@ def _without_short_runs(track: Ints, voted: Ints) -> Ints:
     """Votes of a track in order, runs shorter than `PERSISTENT` replaced by the run before (or after, at the start)."""
     if not len(voted):
         return voted
-    starts = np.flatnonzero(np.concatenate([[True], (track[1:] != track[:-1]) | (voted[1:] != voted[:-1])]))
-    lengths = np.diff(np.concatenate([starts, [len(voted)]]))
+    starts, ends = runs_of_equal(track, voted)
+    lengths = ends - starts + 1
     track_of_run, values, is_short = track[starts].tolist(), voted[starts].tolist(), (lengths < PERSISTENT).tolist()
     for run in range(1, len(starts)):
         if is_short[run] and track_of_run[run - 1] == track_of_run[run]:

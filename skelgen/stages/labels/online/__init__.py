@@ -1,5 +1,1 @@
 """Labels while points arrive: frame by frame, in bounded memory, with a skeleton of the markers or without."""
-
-from skelgen.stages.labels.online.tracker import Tracker
-
-__all__ = ["Tracker"]
