@@ -13,6 +13,7 @@ from skelgen.stages.repair.falls import find_falls, without_fallen
 from skelgen.stages.repair.fills import Fill, find_fills, without_fills
 from skelgen.stages.repair.moves import find_moves, undo_moves
 from skelgen.stages.repair.slips import Slip, find_slips, new_names, split_slipped
+from skelgen.stages.repair.smoothed_fills import find_smoothed_fills
 from skelgen.stages.repair.swaps import exchanged_back, find_swaps, indistinguishable_pairs, repair_swaps
 
 __all__ = ["RepairParameters", "exchanged_back", "repair_take"]
@@ -90,8 +91,9 @@ def repair_take(
         return Repair(trajectories)
     falls = find_falls(trajectories)
     attached = without_fallen(trajectories, falls)
-    fills = find_fills(attached) if parameters.fills else ()
-    measured = without_fills(attached, fills)
+    fills, measured = tuple[Fill, ...](), attached
+    for find in (find_fills, find_smoothed_fills) if parameters.fills else ():
+        fills, measured = fills + (pieces := find(measured)), without_fills(measured, pieces)
     limbs = robust_limbs(measured)
     swaps = find_swaps(measured, parameters.swap_evidence, limbs=limbs, monitor=monitor)
     repaired = repair_swaps(measured, swaps)

@@ -66,7 +66,7 @@ def robust_limbs(trajectories: Trajectories) -> Limbs:
     """Group markers into limbs, unmoved by labels that are wrong for up to a quarter of the time."""
     n_markers = trajectories.n_markers
     labels = np.full(n_markers, -1, dtype=np.intp)
-    deviation = _trimmed_deviations(trajectories.positions[spread_frames(trajectories.n_frames, GROUPING_FRAMES)])
+    deviation = trimmed_deviations(trajectories.positions)
     usable = np.flatnonzero((~np.isnan(deviation)).sum(axis=1) > 1)
     if len(usable) > 1:
         inner = deviation[np.ix_(usable, usable)]
@@ -107,11 +107,11 @@ def limb_pairs(limbs: Limbs) -> tuple[Ints, Ints]:
     return first[same], second[same]
 
 
-def _trimmed_deviations(positions: Floats) -> Floats:
-    """Standard deviations of the densest three quarters of all distances, shape (n_markers, n_markers)."""
+def trimmed_deviations(positions: Floats) -> Floats:
+    """Return the standard deviations of the densest three quarters of all distances, shape (n_markers, n_markers)."""
     n_markers = positions.shape[1]
     first, second = np.triu_indices(n_markers, 1)
-    values = np.sort(pair_lengths(positions, first, second), axis=1)
+    values = np.sort(pair_lengths(positions[spread_frames(len(positions), GROUPING_FRAMES)], first, second), axis=1)
     count = (~np.isnan(values)).sum(axis=1)
     kept = np.maximum((KEPT_PART * count).astype(np.intp), 1)
     starts = (np.linspace(0, 1, STARTS)[:, np.newaxis] * np.maximum(count - kept, 0)).astype(np.intp)

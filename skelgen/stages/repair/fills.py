@@ -49,18 +49,21 @@ class Fill:
         Where it was not seen.
     n_gaps : int
         In so many pieces.
+    evidence : str
+        What shows it.
     """
 
     marker: int
     name: str
     frames: Ints
     n_gaps: int
+    evidence: str = "exactly on straight lines or smooth curves, as programs fill gaps"
 
     @property
     def finding(self) -> Finding:
         """Finding for the label quality."""
         pieces = f"{counted(len(self.frames), 'position')} in {counted(self.n_gaps, 'piece')}"
-        evidence = f"{pieces} exactly on straight lines or smooth curves, as programs fill gaps"
+        evidence = f"{pieces} {self.evidence}"
         first, last = int(self.frames[0]), int(self.frames[-1])
         return Finding("filled", (self.name,), first, last, evidence, "taken as not seen there")
 
