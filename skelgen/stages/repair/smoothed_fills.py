@@ -65,15 +65,15 @@ def find_smoothed_fills(trajectories: Trajectories) -> tuple[Fill, ...]:
     trajectories : Trajectories
         Labelled markers.
     """
-    positions, filled = trajectories.positions, ~trajectories.seen
+    measured, filled = trajectories, ~trajectories.seen
     for number in range(ROUNDS):
-        measured = replace(trajectories, positions=np.where(filled[..., np.newaxis], np.nan, positions))
         pieces = _pieces(measured, trimmed_deviations(measured.positions))
         n_clear = sum(piece.smoother >= CLEARLY for piece in pieces)
         if number == 0 and n_clear < max(LEAST_CLEAR, CLEAR_PART * len(pieces)):
             return ()
         for piece in pieces:
             filled[piece.first : piece.stop, piece.marker] |= piece.smoother >= SMOOTHER
+        measured = replace(trajectories, positions=np.where(filled[..., np.newaxis], np.nan, trajectories.positions))
     return tuple(
         Fill(marker, trajectories.names[marker], np.flatnonzero(where), len(runs_of(where)), EVIDENCE)
         for marker, where in enumerate((filled & trajectories.seen).T)
