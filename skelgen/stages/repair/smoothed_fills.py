@@ -10,14 +10,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from skelgen.geometry.statistics import lengths_of, median_of_known, pair_lengths
+from skelgen.geometry.statistics import lengths_of
 from skelgen.model import Trajectories
-from skelgen.model.arrays import Floats, Ints, runs_of
-from skelgen.stages.repair.exchange_evidence import trimmed_deviations
+from skelgen.model.arrays import Floats, runs_of
+from skelgen.stages.repair.departures import departures
 from skelgen.stages.repair.fills import Fill
-
-MATES = 5
-"""Markers at the steadiest distances: the middle of what these say does not mind if two of them were filled."""
 
 AWAY, BEGUN = 4.0, 2.0
 """Standard deviations by which distances are off in the worst frame of a piece, and from its first to its last."""
@@ -30,9 +27,6 @@ LEAST_FRAMES = 6
 
 EDGE = 0.2
 """Part of a piece, at either end, where smoothing bends what was filled."""
-
-FLOOR = 0.5
-"""Part of the usual deviation between mates that any has."""
 
 SMOOTHER = 1.5
 """Times as near to a cubic as the paths of its mates is that of a marker that may have been filled."""
@@ -67,7 +61,7 @@ def find_smoothed_fills(trajectories: Trajectories) -> tuple[Fill, ...]:
     """
     measured, filled = trajectories, ~trajectories.seen
     for number in range(ROUNDS):
-        pieces = _pieces(measured, trimmed_deviations(measured.positions))
+        pieces = _pieces(measured)
         n_clear = sum(piece.smoother >= CLEARLY for piece in pieces)
         if number == 0 and n_clear < max(LEAST_CLEAR, CLEAR_PART * len(pieces)):
             return ()
@@ -81,14 +75,10 @@ def find_smoothed_fills(trajectories: Trajectories) -> tuple[Fill, ...]:
     )
 
 
-def _pieces(trajectories: Trajectories, deviation: Floats) -> list[_Piece]:
+def _pieces(trajectories: Trajectories) -> list[_Piece]:
     """Where markers are away from their mates for a while."""
-    known = np.where(np.isnan(deviation), np.inf, deviation) + np.diag(np.full(len(deviation), np.inf))
-    mates = np.argsort(known, axis=1)[:, : min(MATES, len(known) - 1)]
-    floor = max(FLOOR * float(np.median(known.min(axis=1))), TINY)
     pieces = []
-    for marker, beside in enumerate(mates if mates.size else ()):
-        away = _away(trajectories.positions, marker, beside, np.maximum(known[marker, beside], floor))
+    for marker, (beside, away) in enumerate(departures(trajectories.positions)):
         for first, stop in runs_of(away > BEGUN):
             if away[first:stop].max() > AWAY and stop - first <= LONGEST * trajectories.rate:
                 edge = int(EDGE * (stop - first))
@@ -96,13 +86,6 @@ def _pieces(trajectories: Trajectories, deviation: Floats) -> list[_Piece]:
                 if len(paths) >= LEAST_FRAMES:
                     pieces.append(_Piece(marker, first, stop, _smoother(paths)))
     return pieces
-
-
-def _away(positions: Floats, marker: int, mates: Ints, deviations: Floats) -> Floats:
-    """Standard deviations by which a marker's distances to its mates are off in their middle, shape (n_frames,)."""
-    lengths = pair_lengths(positions, np.full(len(mates), marker), mates)
-    off = np.abs(lengths - median_of_known(lengths.T)[:, np.newaxis]) / deviations[:, np.newaxis]
-    return np.nan_to_num(median_of_known(off))
 
 
 def _smoother(paths: Floats) -> float:
