@@ -52,7 +52,8 @@ def departures(positions: Floats) -> Iterator[tuple[Ints, Floats]]:
         return
     floor = max(FLOOR * float(np.median(known.min(axis=1))), TINY)
     for marker, mates in enumerate(np.argsort(known, axis=1)[:, :n_mates]):
-        lengths = pair_lengths(positions, np.full(n_mates, marker), mates)
+        own, others = np.zeros(n_mates, dtype=np.intp), np.arange(1, n_mates + 1)
+        lengths = pair_lengths(positions[:, [marker, *mates]], own, others)
         usual = np.maximum(known[marker, mates], floor)[:, np.newaxis]
         off = np.abs(lengths - median_of_known(lengths.T)[:, np.newaxis]) / usual
         yield mates, np.nan_to_num(median_of_known(off))
