@@ -14,8 +14,8 @@ DOUBT_KINDS = ("piece", "alone", "rare", "rival", "misfit", "unsupported", "repa
 marker is known. ``rare``: it is seen in few frames. ``rival``: the place of another marker fits as well. ``misfit``: no
 place fits. ``unsupported``: too few markers beside it are seen. ``repaired``: its labels were exchanged in the file."""
 
-FINDING_KINDS = ("exchanged", "moved", "slipped", "fallen", "filled")
-"""What is wrong: labels exchanged, on another marker, or on one that slipped or fell; gaps that were filled."""
+FINDING_KINDS = ("exchanged", "moved", "slipped", "fallen", "filled", "spike")
+"""What is wrong: labels exchanged, on another marker, or on one that slipped or fell; gaps that were filled; spikes."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -58,6 +58,7 @@ _FINDING_WORDS = {
     "slipped": "Marker slipped",
     "fallen": "Marker fell off",
     "filled": "Gaps filled",
+    "spike": "Spikes",
 }
 
 

@@ -40,6 +40,10 @@ markers move by themselves, when these are compared."""
 NEAR = 3.0
 """Power of the distance that counts with its deviation: the nearer markers are, the likelier a joint is the reason."""
 
+FREE = 1.5
+"""Usual distances to the nearest from which on a marker is held by none that moves by itself; the part of that motion
+that is seen counts with the distance."""
+
 TINY = 1e-6
 """mm; keeps logarithms finite for markers in one place."""
 
@@ -330,6 +334,21 @@ def marker_distances(positions: Floats) -> Distances:
     n_seen = np.maximum((~np.isnan(positions)).sum(axis=0), 1)
     squares = np.nansum((positions - np.nansum(positions, axis=0) / n_seen) ** 2, axis=0) / n_seen
     return Distances(far, unsteady, squares.mean(axis=1))
+
+
+def held_by_none(positions: Floats) -> Bools:
+    """Return which markers move by themselves: near to none, or as if no joint held them there, shape (n_markers,).
+
+    Parameters
+    ----------
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        NaN where unseen.
+    """
+    distances = marker_distances(positions)
+    far = distances.far + np.diag(np.full(len(distances.far), np.inf))
+    usual = float(np.median(far.min(axis=1)))
+    alone = np.hypot(np.sqrt(distances.spread[:, np.newaxis] + distances.spread), STILL * usual)
+    return np.asarray((far * np.hypot(distances.unsteady, STILL * usual) / alone).min(axis=1) > FREE * usual)
 
 
 def _looked_at(is_seen: Bools) -> Ints:

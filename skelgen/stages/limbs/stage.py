@@ -21,6 +21,7 @@ from skelgen.stages.limbs.bodies import (
     bodies_of_limbs,
     body_notices,
     find_bodies,
+    held_by_none,
     kept_bodies,
     seen_together,
     with_stated_bodies,
@@ -248,6 +249,8 @@ class _Grouping:
         others = np.nan_to_num(deviations.steady, nan=np.inf) + np.diag(np.full(len(groups), np.inf))
         is_alone = np.bincount(groups)[groups] == 1
         is_far = is_alone & (others.min(axis=1) ** 2 / 2 > OUTLIER**2 * usual) & (usual > 0)
+        if is_far.any():
+            is_far &= held_by_none(self._positions)
         return np.where(is_far & ~self._constraints.is_named, -1, groups), by_wear
 
     def voted(self, frames: Ints, deviations: pair_distances.Deviations) -> Ints:

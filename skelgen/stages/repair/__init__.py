@@ -1,6 +1,6 @@
 """Errors of labels that a take came with: exchanged and moved labels are given back, markers that slipped are split.
 
-Markers that fell off are left out from then on, and gaps that a program filled are gaps again.
+Markers that fell off are left out from then on; gaps that a program filled are gaps again, and so are spikes.
 """
 
 from dataclasses import dataclass
@@ -13,6 +13,8 @@ from skelgen.stages.repair.falls import find_falls, without_fallen
 from skelgen.stages.repair.fills import Fill, find_fills, without_fills
 from skelgen.stages.repair.moves import find_moves, undo_moves
 from skelgen.stages.repair.slips import Slip, find_slips, new_names, split_slipped
+from skelgen.stages.repair.smoothed_fills import find_smoothed_fills
+from skelgen.stages.repair.spikes import find_spikes
 from skelgen.stages.repair.swaps import exchanged_back, find_swaps, indistinguishable_pairs, repair_swaps
 
 __all__ = ["RepairParameters", "exchanged_back", "repair_take"]
@@ -58,7 +60,7 @@ class Repair:
     trajectories : Trajectories
         Repaired; the same object as before if nothing is wrong.
     findings : tuple of Finding
-        What was found, in the order of first frames; filled gaps come last.
+        What was found, in the order of first frames; filled gaps and spikes come last.
     """
 
     trajectories: Trajectories
@@ -90,23 +92,32 @@ def repair_take(
         return Repair(trajectories)
     falls = find_falls(trajectories)
     attached = without_fallen(trajectories, falls)
-    fills = find_fills(attached) if parameters.fills else ()
-    measured = without_fills(attached, fills)
+    fills, measured = tuple[Fill, ...](), attached
+    for find in (find_fills, find_smoothed_fills) if parameters.fills else ():
+        fills, measured = fills + (pieces := find(measured)), without_fills(measured, pieces)
     limbs = robust_limbs(measured)
     swaps = find_swaps(measured, parameters.swap_evidence, limbs=limbs, monitor=monitor)
     repaired = repair_swaps(measured, swaps)
     moves = find_moves(repaired, limbs=robust_limbs(repaired) if swaps else limbs)
     repaired = undo_moves(repaired, moves)
+    spikes = find_spikes(repaired)
+    repaired = without_fills(repaired, spikes)
     slips = find_slips(repaired, parameters.slip_seconds, parameters.slip_evidence) if parameters.slips else ()
-    found = [fill.finding for fill in fills] + [swap.finding for swap in swaps] + [move.finding for move in moves]
+    found = (
+        [fill.finding for fill in (*fills, *spikes)]
+        + [swap.finding for swap in swaps]
+        + [move.finding for move in moves]
+    )
     names, last = new_names(repaired.names, slips), repaired.n_frames - 1
     found += [one.finding(last) for one in falls]
     found += [slip.finding(last, names.get(slip, "")) for slip in slips]
-    findings = tuple(sorted(found, key=lambda one: (one.kind == "filled", one.first_frame, one.names)))
+    findings = tuple(sorted(found, key=lambda one: (one.kind in {"filled", "spike"}, one.first_frame, one.names)))
     repaired = split_slipped(repaired, slips)
     monitor.notice(f"the markers are labelled already: {_outcome(len(swaps), len(moves), len(falls), slips)}")
     if fills:
         monitor.notice(_told(fills, trajectories))
+    if spikes:
+        monitor.notice(_told_of_spikes(spikes))
     for sentence in repaired.notices[len(trajectories.notices) :]:
         monitor.notice(sentence)
     if swaps:
@@ -138,6 +149,14 @@ def _told(fills: tuple[Fill, ...], trajectories: Trajectories) -> str:
         f"{counted(n_gaps, 'gap')} of {counted(len(fills), 'marker')}, {part:.2g} % of all positions, were filled by "
         "straight lines or smooth curves, which say nothing of the body: they are gaps again (`--set labels.fills=no` "
         "keeps them)"
+    )
+
+
+def _told_of_spikes(spikes: tuple[Fill, ...]) -> str:
+    n_spikes, n_frames = sum(spike.n_gaps for spike in spikes), sum(len(spike.frames) for spike in spikes)
+    return (
+        f"{counted(n_spikes, 'spike')} of {counted(len(spikes), 'marker')}, {counted(n_frames, 'position')} that "
+        "jump away from their limb and back within a tenth of a second, are gaps"
     )
 
 

@@ -16,27 +16,13 @@ from skelgen.geometry.statistics import SIGMA_OF_MEDIAN, median_and_deviation, p
 from skelgen.model import Limbs, Trajectories
 from skelgen.model.arrays import Floats, Ints, spread_frames
 from skelgen.stages.limbs import LimbParameters, rigid_groups
-
-GROUPING_FRAMES = 400
-"""Frames from which limbs are grouped; more do not change the groups."""
+from skelgen.stages.repair.departures import LEAST_COMMON, trimmed_deviations
 
 STATISTIC_FRAMES = 5000
 """Frames from which medians are taken: bounds memory for long takes."""
 
-KEPT_PART = 0.75
-"""Part of a distance's samples, the densest, from which its deviation is computed: the others hold wrong labels."""
-
-TRIMMED_DEVIATION = 0.607
-"""Standard deviation of the central three quarters of a standard normal variable."""
-
-LEAST_COMMON = 8
-"""Common frames that a distance needs."""
-
 LEAST_SPREAD = 1e-3
 """Of a distance: the least spread, however exact the take."""
-
-STARTS = 11
-"""Places at which the densest part of the samples may begin."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +52,7 @@ def robust_limbs(trajectories: Trajectories) -> Limbs:
     """Group markers into limbs, unmoved by labels that are wrong for up to a quarter of the time."""
     n_markers = trajectories.n_markers
     labels = np.full(n_markers, -1, dtype=np.intp)
-    deviation = _trimmed_deviations(trajectories.positions[spread_frames(trajectories.n_frames, GROUPING_FRAMES)])
+    deviation = trimmed_deviations(trajectories.positions)
     usable = np.flatnonzero((~np.isnan(deviation)).sum(axis=1) > 1)
     if len(usable) > 1:
         inner = deviation[np.ix_(usable, usable)]
@@ -105,28 +91,6 @@ def limb_pairs(limbs: Limbs) -> tuple[Ints, Ints]:
     first, second = np.triu_indices(limbs.n_markers, 1)
     same = (limbs.limb_of_marker[first] == limbs.limb_of_marker[second]) & (limbs.limb_of_marker[first] >= 0)
     return first[same], second[same]
-
-
-def _trimmed_deviations(positions: Floats) -> Floats:
-    """Standard deviations of the densest three quarters of all distances, shape (n_markers, n_markers)."""
-    n_markers = positions.shape[1]
-    first, second = np.triu_indices(n_markers, 1)
-    values = np.sort(pair_lengths(positions, first, second), axis=1)
-    count = (~np.isnan(values)).sum(axis=1)
-    kept = np.maximum((KEPT_PART * count).astype(np.intp), 1)
-    starts = (np.linspace(0, 1, STARTS)[:, np.newaxis] * np.maximum(count - kept, 0)).astype(np.intp)
-    rows = np.arange(len(values))
-    widths = values[rows, starts + kept - 1] - values[rows, starts]
-    start = starts[np.argmin(np.where(np.isnan(widths), np.inf, widths), axis=0), rows]
-    index = np.arange(kept.max(initial=1))
-    inside = np.minimum(start[:, np.newaxis] + index, values.shape[1] - 1)
-    centred = np.take_along_axis(values, inside, axis=1) - values[rows, start][:, np.newaxis]
-    centred[index >= kept[:, np.newaxis]] = 0.0
-    variance = (centred**2).sum(axis=1) / kept - (centred.sum(axis=1) / kept) ** 2
-    result = np.zeros((n_markers, n_markers))
-    deviation = np.sqrt(np.maximum(variance, 0.0)) / TRIMMED_DEVIATION
-    result[first, second] = result[second, first] = np.where(count >= LEAST_COMMON, deviation, np.nan)
-    return result
 
 
 FREEDOMS = 4.0

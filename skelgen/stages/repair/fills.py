@@ -37,7 +37,7 @@ DECIMALS = 6
 
 @dataclass(frozen=True)
 class Fill:
-    """A marker with gaps that were filled.
+    """A marker with positions that are not measured or not its own: gaps that were filled, or spikes.
 
     Attributes
     ----------
@@ -49,20 +49,26 @@ class Fill:
         Where it was not seen.
     n_gaps : int
         In so many pieces.
+    evidence : str
+        What shows it.
+    kind : str
+        Of its `Finding`.
     """
 
     marker: int
     name: str
     frames: Ints
     n_gaps: int
+    evidence: str = "exactly on straight lines or smooth curves, as programs fill gaps"
+    kind: str = "filled"
 
     @property
     def finding(self) -> Finding:
         """Finding for the label quality."""
         pieces = f"{counted(len(self.frames), 'position')} in {counted(self.n_gaps, 'piece')}"
-        evidence = f"{pieces} exactly on straight lines or smooth curves, as programs fill gaps"
+        evidence = f"{pieces} {self.evidence}"
         first, last = int(self.frames[0]), int(self.frames[-1])
-        return Finding("filled", (self.name,), first, last, evidence, "taken as not seen there")
+        return Finding(self.kind, (self.name,), first, last, evidence, "taken as not seen there")
 
 
 def find_fills(trajectories: Trajectories) -> tuple[Fill, ...]:

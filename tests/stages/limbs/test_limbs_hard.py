@@ -172,6 +172,16 @@ def test_marker_that_belongs_nowhere_is_left_out_and_named(simulated, notices, s
     assert same_partition(labels[:-1], case.truth.limb_of_marker)
 
 
+def test_the_only_marker_of_a_thigh_that_swings_far_is_left_on_it(simulated):
+    options = {"motion": "squat", "marker_set": "optitrack-41", "soft_tissue": "realistic"}
+    case = simulated("human", seed=1, n_frames=200, noise=0.3, **options)
+    true = case.truth.limb_of_marker
+    thighs = [limb for limb, name in enumerate(case.truth.limb_names) if "thigh" in name]
+    kept = [m for m in range(len(true)) if true[m] not in thighs or m == np.flatnonzero(true == true[m])[0]]
+    take = Trajectories(case.take.positions[:, kept], [f"M{number}" for number in range(len(kept))], case.take.rate)
+    assert find_limbs(take).limb_of_marker.min() == 0
+
+
 BAD = {
     "all equal": np.zeros_like,
     "still": lambda points: np.repeat(points[:1], len(points), axis=0),

@@ -13,8 +13,10 @@ from skelgen.model import Trajectories
 from skelgen.stages.limbs import find_limbs
 from skelgen.stages.repair import RepairParameters, repair_take
 from skelgen.stages.repair.fills import find_fills
+from skelgen.stages.repair.smoothed_fills import find_smoothed_fills
 
 MARKERS, EVERY, LONG = range(0, 40, 3), 90, 14
+LEAST_PART = 0.3  # of what lines and splines filled: the rest is near to where the marker was
 OPTIONS = {"n_frames": 500, "noise": 0.2, "motion": "walk", "marker_set": "animation-41", "soft_tissue": "realistic"}
 
 
@@ -38,12 +40,12 @@ def walker(simulated) -> Trajectories:
     return simulated("human", seed=1, **OPTIONS).take
 
 
-def filled(take: Trajectories, curve) -> tuple[Trajectories, np.ndarray]:
+def filled(take: Trajectories, curve, long: int = LONG) -> tuple[Trajectories, np.ndarray]:
     """The take with gaps that were filled, at other times for each marker, in single precision, and where."""
     where = np.zeros(take.positions.shape[:2], dtype=np.bool_)
     for marker in MARKERS:
-        for first in range(20 + 2 * marker, take.n_frames - LONG, EVERY):
-            where[first : first + LONG, marker] = True
+        for first in range(20 + 2 * marker, take.n_frames - long, EVERY):
+            where[first : first + long, marker] = True
     positions = take.positions.copy()
     for marker in MARKERS:
         known, frames = np.flatnonzero(~where[:, marker]), np.flatnonzero(where[:, marker])
@@ -74,10 +76,25 @@ def test_limbs_are_the_same_as_with_gaps(walker) -> None:
     np.testing.assert_array_equal(*limbs)
 
 
+def smoothed(take: Trajectories, cutoff: float) -> Trajectories:
+    """The take behind a low pass."""
+    paths = filtfilt(*butter(2, cutoff / (take.rate / 2)), take.positions, axis=0)
+    return dataclasses.replace(take, positions=paths)
+
+
 @pytest.mark.parametrize("cutoff", [3.0, 6.0, 12.0])
-def test_smoothed_paths_are_measured(walker, cutoff) -> None:
-    smooth = filtfilt(*butter(2, cutoff / (walker.rate / 2)), walker.positions, axis=0)
-    assert find_fills(dataclasses.replace(walker, positions=smooth)) == ()
+def test_smoothed_paths_are_measured(walker, recording, cutoff) -> None:
+    for take in (walker, recording("bodies/landing.trc"), recording("bodies/flips.c3d")):
+        assert find_fills(smoothed(take, cutoff)) == find_smoothed_fills(smoothed(take, cutoff)) == ()
+
+
+@pytest.mark.parametrize("curve", [on_lines, on_splines])
+def test_gaps_that_were_filled_before_all_was_smoothed(walker, curve) -> None:
+    take, where = filled(walker, curve, long=35)
+    found = np.zeros_like(where)
+    for fill in find_smoothed_fills(smoothed(take, 8.0)):
+        found[fill.frames, fill.marker] = True
+    assert (found & where).sum() > LEAST_PART * where.sum() and (found & where).sum() > 0.95 * found.sum()
 
 
 @pytest.mark.parametrize("decimals", [0, 2])
