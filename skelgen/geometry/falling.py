@@ -64,18 +64,19 @@ def find_fall(path: Floats, rate: float) -> Fall | None:
 
 
 def moments_of(fall: Fall, seen: Bools) -> Ints:
-    """Return the last frame before a fall in which the marker is seen, and some in which it lies.
+    """Return the last frame before a fall in which the marker is seen, else the first of all; some in which it lies.
 
     Parameters
     ----------
     fall : Fall
-        From `find_fall`; some frame before it shows the marker.
+        From `find_fall`.
     seen : ndarray of bool, shape (n_frames,)
         When the marker is seen.
     """
     frames = np.flatnonzero(seen)
     lying = frames[frames >= fall.rest]
-    return np.append(frames[frames < fall.first][-1], lying[np.linspace(0, len(lying) - 1, _MOMENTS).astype(np.intp)])
+    before = frames[max(int(np.searchsorted(frames, fall.first)) - 1, 0)]
+    return np.append(before, lying[np.linspace(0, len(lying) - 1, _MOMENTS).astype(np.intp)])
 
 
 def has_left(positions: Floats, marker: int) -> bool:

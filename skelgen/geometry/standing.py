@@ -57,6 +57,19 @@ def rest_begins(path: Floats, rate: float) -> int | None:
     return int(frames[begin]) if _is_white(path[begin:]) else None
 
 
+def is_fixed(path: Floats, rate: float) -> bool:
+    """Return whether a marker stands still in the room whenever it is seen, as long as that tells.
+
+    Parameters
+    ----------
+    path : ndarray, shape (n_frames, 3), mm
+        Its positions; NaN where unseen.
+    rate : float, Hz
+        Frame rate.
+    """
+    return rest_begins(path, rate) == int(np.argmax(~np.isnan(path[:, 0])))
+
+
 def _is_white(path: Floats) -> bool:
     """Whether positions (n, 3) vary by noise alone."""
     variance = float(path.var(axis=0).mean())

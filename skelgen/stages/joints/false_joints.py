@@ -22,7 +22,6 @@ from skelgen.stages.joints.costs import CHANCE, JointCosts
 from skelgen.stages.joints.pairs import JointGuess
 from skelgen.stages.joints.parameters import Pair
 from skelgen.stages.joints.segments import Segment
-from skelgen.stages.joints.sliding import is_no_joint
 
 LOOSE = 2.0
 """Of the usual radius of a limb: a joint whose two images are usually so far apart holds nothing together."""
@@ -108,16 +107,16 @@ def false_joints(parents: Ints, costs: JointCosts, guesses: Mapping[Pair, JointG
     dear, squares = costs.comparable[children, above], costs.squares[children, above]
     pairs = [(min(pair), max(pair)) for pair in zip(children.tolist(), above.tolist(), strict=True)]
     distances = np.array([guesses[pair].distance for pair in pairs])
-    false = np.sqrt(3 * squares) > LOOSE * parting.radius
-    unexplained = np.array([is_no_joint(guesses[pair]) for pair in pairs])
+    false = loose = np.sqrt(3 * squares) > LOOSE * parting.radius
+    unexplained = np.array([guesses[pair].is_unexplained for pair in pairs])
     borne = branches(parents)[children]
     several = np.minimum(borne.sum(axis=1), (~borne).sum(axis=1)) > 1
     if len(children) >= ENOUGH_JOINTS:
         rivals = cheapest_rivals(parents, np.where(np.isfinite(costs.comparable), costs.comparable, np.nan))
         replaceable = np.array([rivals[int(child)][1] < REPLACEABLE * dear[i] for i, child in enumerate(children)])
         unlikely = unexplained & several & (costs.surprise(children, above) > UNLIKELY)
-        false |= replaceable & (unlikely | (_exceeds(dear, DEAR) & _exceeds(distances, FAR)))
-        false &= squares > costs.expected[children, above]
+        false = loose | replaceable & (unlikely | (_exceeds(dear, DEAR) & _exceeds(distances, FAR)))
+        false &= (loose & unexplained) | (squares > costs.expected[children, above])
     else:  # of so few, each would be usual by itself
         false &= unexplained
     false |= np.isin(children, parting.strangers) | np.isin(above, parting.strangers)

@@ -44,6 +44,9 @@ LEAST_DESCENT_VARIANCE = 1e-8
 KEPT_PART = 0.95
 """Part of the frames, those with the smallest gap for their noise, that a joint rests on: labels may jump."""
 
+NO_JOINT = 25.0
+"""Times what noise lets expect: a joint whose images have a larger mean square gap is none, or soft tissue moves it."""
+
 
 @dataclass(frozen=True, eq=False)
 class JointGuess:
@@ -90,6 +93,11 @@ class JointGuess:
     def hidden_part(self) -> float:
         """Standard deviation of the mean square gap, as a part of it: what noise could hide."""
         return float(np.sqrt(2 / (3 * max(self.n_frames, 1))))
+
+    @property
+    def is_unexplained(self) -> bool:
+        """Whether noise does not explain the gap."""
+        return bool(np.isfinite(self.square) and self.square > NO_JOINT * self.expected)
 
     @property
     def doubt(self) -> float:

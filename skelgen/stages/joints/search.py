@@ -151,7 +151,7 @@ class PairSearch:
         for index, (pair, one) in enumerate(zip(pairs, found, strict=True), start=1):
             is_far = np.isfinite(one.square) and one.distance > self._reach and self._is_in_chain(pair)
             first, second = work[index - 1]
-            self._guesses[pair] = drawn_joint(first, second, *given) if is_far else one
+            self._guesses[pair] = drawn_joint(first, second, *given) if is_far and not one.is_unexplained else one
             self._monitor.advance(index, len(work))
 
     def _is_in_chain(self, pair: Pair) -> bool:

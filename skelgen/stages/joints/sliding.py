@@ -17,9 +17,6 @@ from skelgen.stages.joints.pairs import KEPT_PART, LEAST_TURN, JointGuess, expec
 from skelgen.stages.joints.parameters import Pair
 from skelgen.stages.joints.segments import ENOUGH_FRAMES, Segment, typical_variance
 
-NO_JOINT = 25.0
-"""Times what noise lets expect: a joint whose images have a larger mean square gap is none, or soft tissue moves it."""
-
 LEAST_ODDS = -2.0
 """Log odds that two limbs are neighbours below which what looks like sliding is chance, as of legs that swing alike."""
 
@@ -48,7 +45,7 @@ def sliding_limbs(segments: Sequence[Segment], guesses: Mapping[Pair, JointGuess
     typical = typical_variance(segments)
     found = {}
     for first, second in guesses:
-        if odds[first, second] >= LEAST_ODDS and is_no_joint(guesses[first, second]):
+        if odds[first, second] >= LEAST_ODDS and guesses[first, second].is_unexplained:
             distance = sliding_range(segments[first], segments[second], typical)
             if distance > 0:
                 found[first, second] = distance
@@ -74,17 +71,6 @@ def sliding_loop_notices(slides: Mapping[Pair, float], parents: Ints, loops: Seq
                 f"limb {first} and limb {second} slide along each other, by {far:.0f} mm, while other limbs join them: "
                 "a loop is closed there by a joint that slides, which skelgen does not know and leaves open"
             )
-
-
-def is_no_joint(guess: JointGuess) -> bool:
-    """Whether noise does not explain the gap of a joint.
-
-    Parameters
-    ----------
-    guess : JointGuess
-        The joint.
-    """
-    return bool(np.isfinite(guess.square) and guess.square > NO_JOINT * guess.expected)
 
 
 def sliding_range(first: Segment, second: Segment, typical: float) -> float:

@@ -275,6 +275,26 @@ class _Merger:
         return float(np.sort(noises)[np.searchsorted(freedoms, freedoms[-1] / 2)])
 
 
+def with_one_fixed(groups: Ints, fixed: Bools, apart: Bools) -> Ints:
+    """Return groups of markers in which those that are fixed in the room are one: nothing tells them apart.
+
+    Parameters
+    ----------
+    groups : ndarray of intp, shape (n_markers,)
+        Group of each marker, -1 for none.
+    fixed : ndarray of bool, shape (n_markers,)
+        Which markers are fixed in the room; a group is if all of its markers are.
+    apart : ndarray of bool, shape (n_markers, n_markers)
+        Which markers are stated not to share a limb: then nothing changes.
+    """
+    still = (groups >= 0) & ~np.isin(groups, groups[~fixed])
+    if not still.any() or apart[np.ix_(still, still)].any():
+        return groups
+    merged, kept = np.where(still, groups[still].min(), groups), groups >= 0
+    merged[kept] = np.unique(merged[kept], return_inverse=True)[1]
+    return merged
+
+
 def majority(groupings: list[Ints]) -> Ints:
     """Group markers that more than half of the groupings put together.
 

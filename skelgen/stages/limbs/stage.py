@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from skelgen.errors import InputError
+from skelgen.geometry.standing import is_fixed
 from skelgen.model import Limbs, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.progress import SILENT, Monitor, counted
@@ -29,7 +30,7 @@ from skelgen.stages.limbs.bodies import (
 from skelgen.stages.limbs.checks import limb_notices
 from skelgen.stages.limbs.held_bodies import with_held_bodies
 from skelgen.stages.limbs.membership import memberships
-from skelgen.stages.limbs.merging import Distances, majority, rigid_bodies
+from skelgen.stages.limbs.merging import Distances, majority, rigid_bodies, with_one_fixed
 from skelgen.stages.limbs.parameters import LimbConstraints, LimbParameters, MarkerConstraints
 from skelgen.stages.limbs.relative_motion import Movements
 from skelgen.stages.limbs.revision import deformation, is_worn, pair_odds, plates, revised
@@ -146,9 +147,12 @@ def _groups(
     body_of_marker, sure = _bodies(trajectories.positions, usable, every.steady, named, parameters, n_limbs)
     limb_of_marker = np.full(trajectories.n_markers, -1, dtype=np.intp)
     by_wear, held = np.zeros(trajectories.n_markers, dtype=np.bool_), list[Ints]()
+    fixed = np.array([is_fixed(path, trajectories.rate) for path in trajectories.positions.swapaxes(0, 1)])
     for markers in [usable[body_of_marker[usable] == body] for body in range(len(sure))]:
         grouping = _Grouping(trajectories.positions[:, markers], named.of(markers), parameters, n_limbs, seed)
         groups, by_wear[markers] = grouping.limbs(frames, every.of(markers))
+        if n_limbs is None:
+            groups = with_one_fixed(groups, fixed[markers], named.of(markers).apart)
         _notice_left_out(trajectories, markers[groups < 0], "moving against all limbs like none of them", monitor)
         limb_of_marker[markers] = np.where(groups < 0, -1, groups + limb_of_marker.max() + 1)
         kept, grouped = markers[groups >= 0], groups[groups >= 0]

@@ -235,8 +235,9 @@ def _jump_gains(evidence: Evidence, first: int, last: int) -> tuple[float, float
 
 
 def _is_better(positions: Floats, cycle: Cycle, model: RigidModel) -> bool:
-    before, after = (np.nan_to_num(part) for part in misfits(positions, cycle, model))
-    return bool((after**2).sum() < BETTER**2 * (before**2).sum())
+    before, after = misfits(positions, cycle, model)
+    fits = bool(np.nanmedian(np.abs(after)) < BAD)  # else the labels are neither's
+    return fits and bool(np.nansum(after**2) < BETTER**2 * np.nansum(before**2))
 
 
 def _apart(spans: list[Span], model: RigidModel) -> list[Span]:

@@ -11,6 +11,16 @@ from skelgen.stages.labels.merging.followed import FollowedCloud
 from tests.stages.conftest import FALL_FRAME
 
 
+def test_a_marker_that_is_first_seen_as_it_falls_is_followed_nowhere(fallen):
+    take = fallen("head 1")
+    (n_frames, n_markers, _), marker = take.positions.shape, take.names.index("head 1")
+    cloud = PointCloud(take.positions.reshape(-1, 3), np.arange(n_frames + 1) * n_markers, take.times)
+    tracks = np.tile(np.arange(n_markers), (n_frames, 1))
+    tracks[: FALL_FRAME + 4, marker] = -1
+    found, _ = without_fallen(FollowedCloud(cloud, tracks.ravel(), take.rate, 100.0))
+    assert (found.track_of_point.reshape(tracks.shape)[:, marker] == -1).all()
+
+
 @pytest.mark.parametrize("lost", [0, 20])
 def test_no_point_is_followed_that_falls_or_lies_on_the_floor(fallen, lost):
     take = fallen("head 1")

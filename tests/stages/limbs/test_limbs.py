@@ -167,3 +167,13 @@ def test_limbs_of_real_recordings_are_those_of_their_labels(recording, same_part
     take = recording(path)
     true = np.unique([str(REAL[path](name)) for name in take.names], return_inverse=True)[1]
     assert same_partition(find_limbs(take).limb_of_marker, true)
+
+
+@pytest.mark.parametrize(("structure", "soft_tissue"), [("human", 2.0), ("quadruped", 3.0)])
+def test_markers_that_are_fixed_in_the_room_are_one_limb(simulated, structure, soft_tissue):
+    take = simulated(structure, n_frames=600, noise=0.4, soft_tissue=soft_tissue).take
+    rack = [[900, 700, 300], [900, -600, 300], [950, 650, 1500], [900, -650, 1400]]
+    positions = np.concatenate([take.positions, np.random.default_rng(0).normal(rack, 0.4, (600, 4, 3))], axis=1)
+    limb_of_marker = find_limbs(Trajectories(positions, (*take.names, *"abcd"), take.rate)).limb_of_marker
+    assert len(set(limb_of_marker[-4:])) == 1
+    assert limb_of_marker[-1] not in limb_of_marker[:-4]

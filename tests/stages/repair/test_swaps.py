@@ -45,6 +45,17 @@ def test_a_tool_that_turns_after_it_stood_still_exchanges_no_labels(seed):
     assert find_swaps(Trajectories(positions, tuple("abcde"), 100.0)) == ()
 
 
+@pytest.mark.parametrize("seed", [1, 4])
+def test_a_drawer_that_is_pulled_while_most_of_it_is_hidden_exchanges_no_labels(seed):
+    rng, times = np.random.default_rng(seed), np.arange(1200) / 100
+    pulled = np.outer(np.clip((times - 9) / 1.5, 0, 1), [300.0, 0, 0])
+    frame, drawer = rng.uniform(-400, 400, (4, 3)), rng.uniform(-200, 200, (3, 3))
+    positions = np.concatenate([np.tile(frame, (1200, 1, 1)), drawer + pulled[:, np.newaxis]], axis=1)
+    positions += rng.normal(0, 0.4, positions.shape)
+    positions[600:1140, 4:6] = np.nan
+    assert find_swaps(Trajectories(positions, tuple("abcdefg"), 100.0)) == ()
+
+
 @pytest.mark.parametrize("pair", [("left foot 1", "left foot 3"), ("left shank 1", "right shank 1")])
 def test_an_exchange_of_two_labels_is_undone_exactly(soft, pair):
     spoiled = relabelled(soft, [soft.names.index(name) for name in pair], 200, 280)
