@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from skelgen.model.arrays import Floats, Ints
+from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.model.topology import limbs_of_bodies
 
 STILL = 0.1
@@ -28,6 +28,9 @@ _OFF_PLACE = 5.0
 
 _ROUNDING = 1e-3
 """mm; resolution of positions in files: less noise than that counts as none."""
+
+_OWN_NOISE = 0.2
+"""Part of a marker's noise by which its steadiest distance varies at least, if no other marker moves as it does."""
 
 _WHITE = 3.0
 """Standard deviations by which the ratio of white noise may be below 2."""
@@ -57,17 +60,25 @@ def rest_begins(path: Floats, rate: float) -> int | None:
     return int(frames[begin]) if _is_white(path[begin:]) else None
 
 
-def is_fixed(path: Floats, rate: float) -> bool:
-    """Return whether a marker stands still in the room whenever it is seen, as long as that tells.
+def fixed_markers(positions: Floats, rate: float, deviation: Floats) -> Bools:
+    """Return which markers stand still in the room whenever they are seen, as long as that tells, shape (n_markers,).
+
+    Paths of postures in no order look like noise, too, but limbs keep their distances there.
 
     Parameters
     ----------
-    path : ndarray, shape (n_frames, 3), mm
-        Its positions; NaN where unseen.
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        NaN where unseen.
     rate : float, Hz
         Frame rate.
+    deviation : ndarray, shape (n_markers, n_markers), mm
+        Standard deviations of distances, NaN where unknown.
     """
-    return rest_begins(path, rate) == int(np.argmax(~np.isnan(path[:, 0])))
+    paths = positions.swapaxes(0, 1)
+    are_still = [rest_begins(path, rate) == int(np.argmax(~np.isnan(path[:, 0]))) for path in paths]
+    known = np.where(np.isnan(deviation) | np.eye(len(deviation), dtype=np.bool_), np.inf, deviation)
+    noise = np.array([noise_of(path) for path in paths])
+    return np.asarray(np.array(are_still) & (known.min(axis=1) + _ROUNDING > _OWN_NOISE * noise))
 
 
 def _is_white(path: Floats) -> bool:

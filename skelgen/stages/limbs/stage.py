@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from skelgen.errors import InputError
-from skelgen.geometry.standing import is_fixed
+from skelgen.geometry.standing import fixed_markers
 from skelgen.model import Limbs, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.progress import SILENT, Monitor, counted
@@ -147,7 +147,7 @@ def _groups(
     body_of_marker, sure = _bodies(trajectories.positions, usable, every.steady, named, parameters, n_limbs)
     limb_of_marker = np.full(trajectories.n_markers, -1, dtype=np.intp)
     by_wear, held = np.zeros(trajectories.n_markers, dtype=np.bool_), list[Ints]()
-    fixed = np.array([is_fixed(path, trajectories.rate) for path in trajectories.positions.swapaxes(0, 1)])
+    fixed = fixed_markers(trajectories.positions, trajectories.rate, every.plain)
     for markers in [usable[body_of_marker[usable] == body] for body in range(len(sure))]:
         grouping = _Grouping(trajectories.positions[:, markers], named.of(markers), parameters, n_limbs, seed)
         groups, by_wear[markers] = grouping.limbs(frames, every.of(markers))

@@ -6,6 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from skelgen.errors import InputError
 from skelgen.model import Trajectories
@@ -177,3 +178,14 @@ def test_markers_that_are_fixed_in_the_room_are_one_limb(simulated, structure, s
     limb_of_marker = find_limbs(Trajectories(positions, (*take.names, *"abcd"), take.rate)).limb_of_marker
     assert len(set(limb_of_marker[-4:])) == 1
     assert limb_of_marker[-1] not in limb_of_marker[:-4]
+
+
+def test_postures_in_no_order_are_not_fixed_in_the_room():
+    rng, n_frames = np.random.default_rng(0), 300
+    joint, shape = rng.normal(0, 100, (n_frames, 1, 3)), rng.uniform(-100, 100, (4, 3))
+    turns = [Rotation.from_rotvec(rng.normal(0, 0.6, (n_frames, 3))).as_matrix() for _ in range(2)]
+    ends = zip(turns, ([0, 0, 200.0], [0, 0, -200.0]), strict=True)
+    positions = np.concatenate([joint + (shape + end) @ turn for turn, end in ends], axis=1)
+    positions += rng.normal(0, 0.3, positions.shape)
+    take = Trajectories(positions, tuple("abcdefgh"), 100.0)
+    assert find_limbs(take).limb_of_marker.tolist() == [0, 0, 0, 0, 1, 1, 1, 1]
