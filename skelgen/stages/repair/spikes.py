@@ -21,7 +21,8 @@ JUMP = 15.0
 """Times its usual step against its mates by which a label jumps at both ends: limbs come and go by and by."""
 
 PART = 0.5
-"""Of how far it is away, how far it jumps: what moves away does not come with one step."""
+"""Of how far it is away, how far it jumps, and the other way round: what moves away does not come with one step, and
+where a marker beside it jumps, it does not move itself."""
 
 TINY = 1e-6
 """mm."""
@@ -54,12 +55,12 @@ def _sharp(positions: Floats, marker: int, mates: Ints, pieces: list[tuple[int, 
     steps = np.diff(positions[:, [marker, *mates]], axis=0)
     beside = median_of_known(steps[:, 1:].transpose(1, 0, 2).reshape(len(mates), -1)).reshape(-1, 3)
     jumps = steps[:, 0] - beside
-    least = max(JUMP * float(np.nanmedian(lengths_of(jumps))), TINY)
+    least = max(JUMP * float(median_of_known(lengths_of(jumps)[:, np.newaxis])[0]), TINY)
     sharp = []
     for first, stop in pieces:
         path, there, back = positions[first:stop, marker], jumps[first - 1], jumps[stop - 1]
         far = lengths_of(path - (positions[first - 1, marker] + positions[stop, marker]) / 2).max()
         short = lengths_of(np.stack([there, back])).min()  # NaN at gaps, where nothing is known
-        if short > np.max([least, PART * far, lengths_of(there + back)]):
+        if far / PART > short > np.max([least, PART * far, lengths_of(there + back)]):
             sharp.append((first, stop))
     return sharp

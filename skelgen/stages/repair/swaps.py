@@ -16,6 +16,7 @@ import numpy as np
 
 from skelgen._kernels import contiguous
 from skelgen._kernels.marker_steps import lengths as lengths_to
+from skelgen.geometry.statistics import median_of_known
 from skelgen.model import Limbs, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.model.labelling import Finding
@@ -236,7 +237,7 @@ def _jump_gains(evidence: Evidence, first: int, last: int) -> tuple[float, float
 
 def _is_better(positions: Floats, cycle: Cycle, model: RigidModel) -> bool:
     before, after = misfits(positions, cycle, model)
-    fits = bool(np.nanmedian(np.abs(after)) < BAD)  # else the labels are neither's
+    fits = bool(median_of_known(np.abs(after).reshape(-1, 1))[0] < BAD)  # else the labels are neither's
     return fits and bool(np.nansum(after**2) < BETTER**2 * np.nansum(before**2))
 
 

@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from skelgen.model import Trajectories
 from skelgen.stages.limbs import find_limbs
 from skelgen.stages.repair import repair_take
 from skelgen.stages.repair.spikes import find_spikes
@@ -46,3 +47,13 @@ def test_limbs_are_those_without_spikes(spiky, simulated, same_partition) -> Non
 )
 def test_recordings_have_none(recording, name) -> None:
     assert find_spikes(recording(name)) == ()
+
+
+@pytest.mark.parametrize("every", [1, 2])
+def test_of_three_markers_the_one_that_jumps_is_found_and_what_is_seen_in_every_second_frame_is_none(every) -> None:
+    rng = np.random.default_rng(0)
+    positions = rng.uniform(-200, 200, (1, 3, 3)) + rng.normal(size=(200, 3, 3))
+    positions[100, 2] += 100.0
+    positions[np.arange(200) % every > 0] = np.nan
+    found = find_spikes(Trajectories(positions, tuple("abc"), 100.0))
+    assert [(one.name, one.frames.tolist()) for one in found] == ([("c", [100])] if every == 1 else [])
