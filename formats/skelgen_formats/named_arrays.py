@@ -118,7 +118,7 @@ def _without_unseen(numbers: NDArray[Any], names: Sequence[str], arrays: Arrays,
         if flag is None or array.dtype.kind not in "bfiu" or not array.any():
             continue
         tells = array == 0 if flag[1] else np.nan_to_num(array) > 0
-        if {*tells.shape} == {*shape}:
+        if tells.shape in (shape, shape[::-1]):
             are_seen &= tells if tells.shape == shape else tells.T
         elif owner in names and tells.shape == shape[:1]:
             are_seen[:, names.index(owner)] &= tells
