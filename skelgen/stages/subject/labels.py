@@ -6,7 +6,7 @@ than in the calibrated take, which may have been short; at last, distances of bo
 Tracks that remain and keep their place on a limb are markers: moved ones, where one of the limb is missing, or new.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -115,8 +115,7 @@ def label_by_subject(
             + (_other_unit(points.cloud, tracked_points(calibrated, parameters, monitor).cloud) or OTHER_BODY)
         )
     if not points.names:
-        by_body = _body_by_body(calibrated, skeleton)
-        refit = refit_labels(points, placed, skeleton, by_body, parameters, monitor)
+        refit = refit_labels(points, placed, skeleton, calibrated, parameters, monitor)
         if not np.array_equal(refit, placed):
             placed, poses = refit, pose_skeleton(skeleton, points.positions(refit, len(names)), monitor=monitor)
     names_of_tracks = {index: names.index(name) for index, name in enumerate(points.names) if name in names}
@@ -126,19 +125,6 @@ def label_by_subject(
         marker = one.marker if number < len(moved) else len(names) + number - len(moved)
         result[one.points] = marker
     return SubjectLabels(result, points, poses, moved, new, explained, present.by_name, sentences)
-
-
-def _body_by_body(calibrated: Trajectories, skeleton: Skeleton) -> Trajectories:
-    """The calibrated take with one body of several after the other: they may be of takes of their own.
-
-    Markers of bodies that the skeleton does not carry are left out.
-    """
-    if len(skeleton.bodies) == 1:
-        return calibrated
-    is_own = [np.isin(skeleton.limb_of_marker, limbs)[:, np.newaxis] for limbs in skeleton.bodies]
-    return replace(
-        calibrated, positions=np.concatenate([np.where(own, calibrated.positions, np.nan) for own in is_own])
-    )
 
 
 def _other_unit(cloud: PointCloud, calibrated: PointCloud) -> str:

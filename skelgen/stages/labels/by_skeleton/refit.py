@@ -62,7 +62,7 @@ def refit_labels(
     skeleton : Skeleton
         Calibrated on the other take.
     calibrated : Trajectories
-        The same markers in the other take; bodies whose poses do not belong together are seen in frames of their own.
+        The same markers in the other take.
     parameters : LabelParameters
         How to label.
     monitor : Monitor
@@ -75,7 +75,7 @@ def refit_labels(
     """
     rate, _ = frame_rate(points.cloud, parameters)
     take = FollowedCloud(points.cloud, points.tracks.astype(np.int32), rate, typical_spacing(points.cloud))
-    task, takes = LabelTask(take, parameters), _TwoTakes.of(take, calibrated)
+    task, takes = LabelTask(take, parameters), _TwoTakes.of(take, calibrated, skeleton)
     before, best, evidence = marker_of_point, marker_of_point, -np.inf
     for _ in range(MOST_TURNS):
         fitted = _fitted(task, before.astype(np.int32), calibrated.n_markers, monitor)
@@ -118,10 +118,17 @@ class _TwoTakes:
     known: Ints
 
     @classmethod
-    def of(cls, take: FollowedCloud, calibrated: Trajectories) -> "_TwoTakes":
-        """Put moments of a calibrated take before another one."""
-        moments = sample_frames(calibrated.rate, 0, calibrated.n_frames)
-        positions = calibrated.positions[moments[spread_frames(len(moments), MOST_KNOWN)]]
+    def of(cls, take: FollowedCloud, calibrated: Trajectories, skeleton: Skeleton) -> "_TwoTakes":
+        """Put moments of a calibrated take before another one.
+
+        Bodies, which may be of takes of their own, stand one after the other; those that the skeleton does not carry
+        are left out.
+        """
+        carried = [own for limbs in skeleton.bodies if (own := np.isin(skeleton.limb_of_marker, limbs)).any()]
+        are_own = np.array(carried) if len(skeleton.bodies) > 1 else np.ones((1, calibrated.n_markers), dtype=bool)
+        moments = sample_frames(calibrated.rate, 0, len(are_own) * calibrated.n_frames)
+        body, moment = np.divmod(moments[spread_frames(len(moments), MOST_KNOWN)], calibrated.n_frames)
+        positions = np.where(are_own[body][..., np.newaxis], calibrated.positions[moment], np.nan)
         frame, known = np.nonzero(~np.isnan(positions[:, :, 0]))
         pause = np.full(int(LONGEST * take.rate) + 1, len(known))
         starts = [np.searchsorted(frame, np.arange(len(positions))), pause, take.cloud.frame_starts + len(known)]
