@@ -115,9 +115,8 @@ def take_from_value(path: Path, value: Any, options: Options, what: str) -> Traj
     several = [key for key in arrays if len(key) > 1 and key[-1] == _NAMES]
     for key in several if len(several) > 1 else ():
         arrays.setdefault(key[:-1], arrays[key])
-    for key in [
-        key for key in arrays if len(key) > 1 and key[-2].lower() in _UNITS
-    ]:  # units of length, time and angles
+    # Units of length, time and angles
+    for key in [key for key in arrays if len(key) > 1 and key[-2].lower() in _UNITS]:
         arrays[(*key[:-2], f"{key[-1]}_unit")] = arrays.pop(key)
     ends = {key: [".".join(key[at:]) for at in range(len(key) - 1, -1, -1)] for key in arrays}
     count = Counter(end for every in ends.values() for end in every)

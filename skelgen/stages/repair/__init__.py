@@ -92,9 +92,10 @@ def repair_take(
         return Repair(trajectories)
     falls = find_falls(trajectories)
     attached = without_fallen(trajectories, falls)
-    fills, measured = tuple[Fill, ...](), attached
-    for find in (find_fills, find_smoothed_fills) if parameters.fills else ():
-        fills, measured = fills + (pieces := find(measured)), without_fills(measured, pieces)
+    exact = find_fills(attached) if parameters.fills else ()
+    measured = without_fills(attached, exact)
+    smoothed = find_smoothed_fills(measured) if parameters.fills else ()
+    measured, fills = without_fills(measured, smoothed), exact + smoothed
     limbs = robust_limbs(measured)
     swaps = find_swaps(measured, parameters.swap_evidence, limbs=limbs, monitor=monitor)
     repaired = repair_swaps(measured, swaps)
@@ -103,11 +104,8 @@ def repair_take(
     spikes = find_spikes(repaired)
     repaired = without_fills(repaired, spikes)
     slips = find_slips(repaired, parameters.slip_seconds, parameters.slip_evidence) if parameters.slips else ()
-    found = (
-        [fill.finding for fill in (*fills, *spikes)]
-        + [swap.finding for swap in swaps]
-        + [move.finding for move in moves]
-    )
+    found = [fill.finding for fill in (*fills, *spikes)]
+    found += [swap.finding for swap in swaps] + [move.finding for move in moves]
     names, last = new_names(repaired.names, slips), repaired.n_frames - 1
     found += [one.finding(last) for one in falls]
     found += [slip.finding(last, names.get(slip, "")) for slip in slips]
@@ -144,9 +142,10 @@ def _outcome(n_swaps: int, n_moves: int, n_falls: int, slips: tuple[Slip, ...]) 
 
 def _told(fills: tuple[Fill, ...], trajectories: Trajectories) -> str:
     n_gaps, n_filled = sum(fill.n_gaps for fill in fills), sum(len(fill.frames) for fill in fills)
+    n_markers = len({fill.marker for fill in fills})
     part = 100.0 * n_filled / max(int(trajectories.seen.sum()), 1)
     return (
-        f"{counted(n_gaps, 'gap')} of {counted(len(fills), 'marker')}, {part:.2g} % of all positions, were filled by "
+        f"{counted(n_gaps, 'gap')} of {counted(n_markers, 'marker')}, {part:.2g} % of all positions, were filled by "
         "straight lines or smooth curves, which say nothing of the body: they are gaps again (`--set labels.fills=no` "
         "keeps them)"
     )

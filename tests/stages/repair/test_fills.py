@@ -63,6 +63,13 @@ def test_gaps_that_were_filled_are_gaps_again(walker, curve) -> None:
     np.testing.assert_array_equal(repair.trajectories.positions[~found], take.positions[~found])
 
 
+def test_markers_with_both_kinds_of_filled_gaps_are_counted_once(walker, notices) -> None:
+    again = filled(smoothed(filled(walker, on_lines, long=35)[0], 8.0), held, long=20)[0]
+    repair = repair_take(again, monitor=notices)
+    assert len([one for one in repair.findings if one.kind == "filled"]) > len(MARKERS)
+    assert any(f"of {len(MARKERS)} markers" in notice for notice in notices.sentences)
+
+
 def test_filled_gaps_stay_if_wanted(walker) -> None:
     take, _ = filled(walker, on_lines)
     kept = repair_take(take, RepairParameters(fills=False, slips=False)).trajectories
