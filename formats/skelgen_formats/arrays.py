@@ -122,5 +122,5 @@ FORMAT = Format(
     sniff=_is_array,
     read=read_arrays,
     options=(POINTS, RECORDED_RATE, RECORDED_UNIT),
-    note="Shape (frames, points, 3) or another order; in .npz also names, rate or times, and unit; else by option.",
+    note="Shape (frames, points, 3) or another order; in .npz also names, rate or times, unit, flags; else by option.",
 )
