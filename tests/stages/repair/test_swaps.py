@@ -126,3 +126,13 @@ def test_clean_recordings_pass_untouched(recording, path):
     take = recording(path)
     assert repair_take(take, RepairParameters(slips=False)).trajectories is take
     np.testing.assert_array_equal(repair_take(take).trajectories.positions, take.positions)
+
+
+def test_a_label_on_a_marker_none_of_whose_mates_is_seen_is_exchanged_with_none():
+    rng = np.random.default_rng(2)
+    paths = 2 * np.cumsum(rng.normal(size=(2, 600, 1, 3)), axis=1) + [[[[0.0, 0, 0]]], [[[300, 0, 0]]]]
+    limbs = [path + rng.uniform(-80, 80, (3, 3)) for path in paths]
+    positions = np.concatenate(limbs, axis=1) + rng.normal(0, 0.3, (600, 6, 3))
+    positions[200:300, 0] = positions[200:300, 3]
+    positions[200:300, 3:] = np.nan
+    assert find_swaps(Trajectories(positions, tuple("abcdef"), 100.0)) == ()
