@@ -347,8 +347,11 @@ def held_by_none(positions: Floats) -> Bools:
     distances = marker_distances(positions)
     far = distances.far + np.diag(np.full(len(distances.far), np.inf))
     usual = float(np.median(far.min(axis=1)))
-    alone = np.hypot(np.sqrt(distances.spread[:, np.newaxis] + distances.spread), STILL * usual)
-    return np.asarray((far * np.hypot(distances.unsteady, STILL * usual) / alone).min(axis=1) > FREE * usual)
+    if not np.isfinite(usual):  # of most no distance is known
+        return np.zeros(len(far), dtype=np.bool_)
+    still = STILL * usual + TINY
+    alone = np.hypot(np.sqrt(distances.spread[:, np.newaxis] + distances.spread), still)
+    return np.asarray((far * np.hypot(distances.unsteady, still) / alone).min(axis=1) > FREE * usual)
 
 
 def _looked_at(is_seen: Bools) -> Ints:

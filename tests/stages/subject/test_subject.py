@@ -58,6 +58,17 @@ def scaled(factor: float) -> Structure:
     return with_limb("*", change)
 
 
+def test_markers_that_look_the_same_from_behind_are_told_by_the_pose():
+    """Three markers of a limb, two of whose distances are equal to .1 mm, in a fast take with gaps."""
+    fast = {"speed": 3.0, "dropouts": 0.2, "dropout_seconds": 0.35, "ghosts": 0.2, "labelled": False}
+    limb = {"seed": 4, "spacing": 25.0, "noise": 0.3}
+    case = simulate("tree:10", n_frames=1000, **fast, **limb)
+    calibrated = skelgen.reconstruct(simulate("tree:10", n_frames=600, **limb).take)
+    labels = fit_subject(case.take, calibrated).trajectories
+    found = Project(case.take).with_trajectories(labels, StageReport())
+    assert find_identity(found, case.truth)[1].idf1 > 0.999
+
+
 def score(fit, simulated):
     project = Project(simulated.take).with_trajectories(fit.trajectories, StageReport())
     return find_identity(project, simulated.truth)[1].idf1

@@ -4,26 +4,30 @@ A skeleton of another take says which marker a point is. Where markers are when 
 this take tells: a skeleton is fitted to it (`model_fit`). A marker that a joint alone holds has no place by either, but
 distances that it keeps. And where several markers were hidden at once, the pose of a skeleton follows what was taken
 for them wrongly, and proves it right. So moments of the other take stand before this one, with markers that are known
-(`merging.followed`), and all that puts labels of a take right by their distances (`merging.turns`) does so here. Where
-that changes much, the skeleton that is known is posed by the new labels, and it begins anew, until nothing is gained.
+(`merging.followed`), and all that puts labels of a take right by their distances (`merging.turns`) does so here. A
+triangle with two equal sides looks the same from behind, though: part by part, labels change only if the skeleton's
+pose does not speak more against it than distances speak for it. Where much changes, the skeleton is posed by the new
+labels, and it begins anew, until nothing is gained.
 """
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from skelgen.geometry.statistics import lengths_of
 from skelgen.model import PointCloud, Skeleton, Trajectories
-from skelgen.model.arrays import Ints, spread_frames
+from skelgen.model.arrays import Floats, Ints, spread_frames
 from skelgen.progress import SILENT, Monitor
 from skelgen.stages.labels import point_labels
-from skelgen.stages.labels.by_skeleton.matching import pose_and_reassign
+from skelgen.stages.labels.by_skeleton.matching import GATE, gates_of, pose_and_reassign
 from skelgen.stages.labels.by_skeleton.points import FollowedPoints
+from skelgen.stages.labels.by_skeleton.posing import pose_skeleton
 from skelgen.stages.labels.input_checks import frame_rate
 from skelgen.stages.labels.merging.continuity import LONGEST
 from skelgen.stages.labels.merging.followed import FollowedCloud
-from skelgen.stages.labels.merging.judging import MOST_EXISTENCE
+from skelgen.stages.labels.merging.judging import MOST_EXISTENCE, parts_that_differ
 from skelgen.stages.labels.merging.leftovers import label_leftovers, label_rest
-from skelgen.stages.labels.merging.likelihood import sample_frames
+from skelgen.stages.labels.merging.likelihood import SAMPLE_SECONDS, sample_frames
 from skelgen.stages.labels.merging.turns import put_right
 from skelgen.stages.labels.model_fit.refine import LabelTask, complete_markers, refine_labels
 from skelgen.stages.labels.parameters import LabelParameters
@@ -34,6 +38,9 @@ MOST_KNOWN = 200
 
 MOST_TURNS = 4
 """A guard: most takes need one or two."""
+
+_NO_LABEL = -2
+"""In place of a limb; -1 is none."""
 
 UNCHANGED = 0.01
 """Part of all points; when fewer change their marker, the turns end."""
@@ -79,7 +86,7 @@ def refit_labels(
     before, best, evidence = marker_of_point, marker_of_point, -np.inf
     for _ in range(MOST_TURNS):
         fitted = _fitted(task, before.astype(np.int32), calibrated.n_markers, monitor)
-        found = takes.put_right(fitted).astype(np.intp)
+        found = takes.confirmed(takes.put_right(fitted), fitted, points, skeleton).astype(np.intp)
         if (more := takes.evidence(found)) <= evidence:
             break
         n_changed, best, evidence = int((found != before).sum()), found, more
@@ -141,14 +148,43 @@ class _TwoTakes:
 
     def evidence(self, marker_of_point: Ints) -> float:
         """How well labels of the take explain both, where moments count by how much the posture changes [nats]."""
-        judge = replace(self.both, by_posture=True)
-        return judge.evidence(np.concatenate([self.known, marker_of_point.astype(np.int32)]))[0]
+        return replace(self.both, by_posture=True).evidence(self._with_known(marker_of_point))[0]
 
     def put_right(self, marker_of_point: Ints) -> Ints:
         """Marker of each point of the take when all that distances of both takes tell is put right."""
         both = self.both
-        found = put_right(both, np.concatenate([self.known, marker_of_point]))
+        found = put_right(both, self._with_known(marker_of_point))
         found = label_leftovers(both, found, both.distances(found), MOST_EXISTENCE)
         unknown = np.where(np.isin(marker_of_point, self.known), -1, marker_of_point)
-        named = np.concatenate([self.known, unknown])
-        return point_labels.numbered_as(named, label_rest(both, found))[len(self.known) :]
+        return point_labels.numbered_as(self._with_known(unknown), label_rest(both, found))[len(self.known) :]
+
+    def confirmed(self, found: Ints, before: Ints, points: FollowedPoints, skeleton: Skeleton) -> Ints:
+        """Labels found; in each part those before, if a pose speaks more for these than distances do against them."""
+        if not ((found != before) & (found >= 0) & (before >= 0)).any():
+            return found
+        worse = _misfits(found, points, skeleton) - _misfits(before, points, skeleton)
+        worse /= SAMPLE_SECONDS * self.both.rate  # frames of a moment say the same
+        limb, evidence = np.append(skeleton.limb_of_marker, _NO_LABEL), self.evidence(found)
+        for part in parts_that_differ(self.both, self._with_known(found), self._with_known(before)):
+            own = part - len(self.known)
+            limbs = np.setdiff1d(limb[np.concatenate([found[own], before[own]])], _NO_LABEL)
+            beside = np.isin(limb[found], limbs) | np.isin(limb[before], limbs)
+            gain = worse[beside & np.isin(points.frames, points.frames[own])].sum()
+            if gain > 0.0 and ((found[own] >= 0) & (before[own] >= 0)).any():
+                tried = found.copy()
+                tried[own] = before[own]
+                if (without := self.evidence(tried)) + gain > evidence:
+                    found, evidence = tried, without
+        return found
+
+    def _with_known(self, marker_of_point: Ints) -> Ints:
+        return np.concatenate([self.known, marker_of_point]).astype(np.int32)
+
+
+def _misfits(marker_of_point: Ints, points: FollowedPoints, skeleton: Skeleton) -> Floats:
+    """How badly each point suits its marker's place by the skeleton's pose [nats]; beyond its gate it has none."""
+    poses = pose_skeleton(skeleton, points.positions(marker_of_point, len(skeleton.limb_of_marker)))
+    own = np.maximum(marker_of_point, 0)
+    away = lengths_of(points.cloud.points - poses.markers(skeleton)[points.frames, own]) / gates_of(skeleton)[own]
+    is_there = (marker_of_point >= 0) & (away < 1.0)  # NaN where no limb carries the marker
+    return np.asarray(GATE**2 / 2.0 * np.where(is_there, away, 1.0) ** 2)

@@ -130,7 +130,7 @@ def fused_labels(take: FollowedCloud, found: Ints, other: Ints) -> Ints:
     best, evidence = found, judge.evidence(found)[0]
     if not take.is_fixed.any() and (of_other := judge.evidence(other)[0]) > evidence:
         best, other, evidence = other, found, of_other
-    for part in sorted(_parts(take, best, other), key=len, reverse=True)[:MOST_PARTS]:
+    for part in parts_that_differ(take, best, other):
         tried = best.copy()
         tried[part] = other[part]
         if (explained := judge.evidence(tried)[0]) > evidence:
@@ -138,8 +138,18 @@ def fused_labels(take: FollowedCloud, found: Ints, other: Ints) -> Ints:
     return best
 
 
-def _parts(take: FollowedCloud, found: Ints, other: Ints) -> list[Ints]:
-    """Points of each part: of spans in which labels differ, those of markers that are exchanged with each other."""
+def parts_that_differ(take: FollowedCloud, found: Ints, other: Ints) -> list[Ints]:
+    """Return points of each part in which labels differ, the largest ones, at most `MOST_PARTS`.
+
+    Parts are of spans of time, and in these the markers that are exchanged with each other.
+
+    Parameters
+    ----------
+    take : FollowedCloud
+        The take; points whose marker is stated are of no part.
+    found, other : ndarray of intp, shape (n_points,)
+        Marker of each point, -1 for none; a marker has the same number in both.
+    """
     from scipy.sparse import coo_array  # noqa: PLC0415 - heavy
     from scipy.sparse.csgraph import connected_components  # noqa: PLC0415 - heavy
 
@@ -154,4 +164,4 @@ def _parts(take: FollowedCloud, found: Ints, other: Ints) -> list[Ints]:
     size = int(span[-1] + 1) * n_markers
     linked = coo_array((np.ones(len(points)), tuple(pairs)), shape=(size, size))
     part = connected_components(linked, directed=False)[1][pairs[0]]
-    return [points[rows] for rows in rows_of_each(part)]
+    return sorted((points[rows] for rows in rows_of_each(part)), key=len, reverse=True)[:MOST_PARTS]
