@@ -39,6 +39,9 @@ MOST_KNOWN = 200
 MOST_TURNS = 4
 """A guard: most takes need one or two."""
 
+EXPECTED = 1.18
+"""nats; median misfit of a point to its place, half of that of the chi-squared distribution of three coordinates."""
+
 _NO_LABEL = -2
 """In place of a limb; -1 is none."""
 
@@ -160,17 +163,20 @@ class _TwoTakes:
 
     def confirmed(self, found: Ints, before: Ints, points: FollowedPoints, skeleton: Skeleton) -> Ints:
         """Labels found; in each part those before, if a pose speaks more for these than distances do against them."""
-        if not ((found != before) & (found >= 0) & (before >= 0)).any():
+        had_label = (found >= 0) & (before >= 0)
+        if not (had_label & (found != before)).any():
             return found
-        worse = _misfits(found, points, skeleton) - _misfits(before, points, skeleton)
-        worse /= SAMPLE_SECONDS * self.both.rate  # frames of a moment say the same
+        misfits, others = _misfits(found, points, skeleton), _misfits(before, points, skeleton)
+        agreed = np.append(misfits[had_label & (found == before)], EXPECTED)
+        trusted = EXPECTED / max(float(np.median(agreed)), EXPECTED)  # skin may move more than it did there
+        worse = trusted * (misfits - others) / (SAMPLE_SECONDS * self.both.rate)  # frames of a moment say the same
         limb, evidence = np.append(skeleton.limb_of_marker, _NO_LABEL), self.evidence(found)
         for part in parts_that_differ(self.both, self._with_known(found), self._with_known(before)):
             own = part - len(self.known)
             limbs = np.setdiff1d(limb[np.concatenate([found[own], before[own]])], _NO_LABEL)
             beside = np.isin(limb[found], limbs) | np.isin(limb[before], limbs)
             gain = worse[beside & np.isin(points.frames, points.frames[own])].sum()
-            if gain > 0.0 and ((found[own] >= 0) & (before[own] >= 0)).any():
+            if gain > 0.0 and had_label[own].mean() > 0.5:  # what had no label is not taken away with others
                 tried = found.copy()
                 tried[own] = before[own]
                 if (without := self.evidence(tried)) + gain > evidence:
