@@ -30,12 +30,13 @@ from skelgen_formats.table_heads import CAMEL
 from skelgen_formats.text import is_number
 from skelgen_formats.tidy import read_tidy
 from skelgen_formats.tidy_heads import find_tidy_head
+from skelgen_formats.titles import UNIT_WORDS
 from skelgen_formats.turn_titles import AXES
 
 _STARTS = re.compile(rb'\s*(?:\{\s*["}]|\[\s*[\[{])')
 _SUFFIXES = (".json", ".jsonl", ".ndjson")
 _NAME_KEYS, _NAMES = ("name", "label"), "names"
-_POSITION, _UNITS = "position", ("unit", "units")
+_POSITION = "position"
 _PLACE_WORDS = (_POSITION, "positions", "pos", "translation", "location", "coordinates", "xyz", "data")
 _JSON, _OTHERWISE = "JSON", "this is {}; write the points as TRC or wide CSV, those of images triangulated first"
 _DEEPEST, _MOST_TIMES = 64, 1000  # objects in objects; frames for each one that is listed
@@ -116,7 +117,7 @@ def take_from_value(path: Path, value: Any, options: Options, what: str) -> Traj
     for key in several if len(several) > 1 else ():
         arrays.setdefault(key[:-1], arrays[key])
     # Units of length, time and angles
-    for key in [key for key in arrays if len(key) > 1 and key[-2].lower() in _UNITS]:
+    for key in [key for key in arrays if len(key) > 1 and key[-2].lower() in UNIT_WORDS]:
         arrays[(*key[:-2], f"{key[-1]}_unit")] = arrays.pop(key)
     ends = {key: [".".join(key[at:]) for at in range(len(key) - 1, -1, -1)] for key in arrays}
     count = Counter(end for every in ends.values() for end in every)

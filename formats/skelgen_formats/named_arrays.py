@@ -27,7 +27,7 @@ from skelgen_formats.options import Options
 from skelgen_formats.table_heads import CAMEL
 from skelgen_formats.text import is_number, seconds_of
 from skelgen_formats.time_stamps import Stamps, since_first
-from skelgen_formats.titles import FLAG_WORD, bodies_of, with_axes
+from skelgen_formats.titles import FLAG_WORD, UNIT_WORDS, bodies_of, with_axes
 from skelgen_formats.turn_titles import AXES
 from skelgen_formats.untitled_points import positions_of_columns
 from skelgen_formats.wide import take_from_table
@@ -45,8 +45,7 @@ _RATES = (
     *("rate", "fps", "framerate", "samplingrate", "samplerate", "mocapframerate", "freq", "frequency", "fs"),
     *("videoframerate", "markerrate", "pointrate", "camerarate"),
 )
-_UNITS = {"unit", "units"}
-_OF_LENGTH = _UNITS | {"length", "distance", "position", "positions", "spatial", "coordinate", "coordinates", "xyz"}
+_OF_LENGTH = UNIT_WORDS | {"length", "distance", "position", "positions", "spatial", "coordinate", "coordinates", "xyz"}
 _TITLES = ("columns", "colheaders", "headers", "header", "titles", "variables", "varnames", *_NAMES)
 _BODY_MODEL = {"poses", "trans"}  # of AMASS: angles of SMPL and where its root is
 _SLOWEST, _FASTEST = 1e-6, 1e6  # Hz; beyond, a rate is a damaged number
@@ -105,7 +104,7 @@ def take_from_arrays(
 def _unit(arrays: Arrays) -> str:
     """Return the unit of length, by names such as units, length_unit or xyzUnits; empty if there is none."""
     words = {key: {*re.split(r"[_.]", CAMEL.sub("_", key).lower())} for key, one in arrays.items() if one.ndim == 0}
-    units = [key for key, of_key in words.items() if of_key & _UNITS and of_key <= _OF_LENGTH]
+    units = [key for key, of_key in words.items() if of_key & UNIT_WORDS and of_key <= _OF_LENGTH]
     return next((str(arrays[key]) for key in sorted(units, key=len) if arrays[key].dtype.kind == "U"), "")
 
 

@@ -41,6 +41,9 @@ _FOURTH = re.compile(rf"(.{{1,200}}?)(?:{BETWEEN}|(?=[\[(]))[\[(]?([w34])[\])]?"
 _ALONE = re.compile(rf"(?:{PLACE_WORD})?([xyz])", re.IGNORECASE)
 _TRANSLATED_ALONE = re.compile(r"[tp]([xyz])", re.IGNORECASE)
 _NAMED_PLACE = re.compile(rf"(.{{1,200}}?)(?:{BETWEEN}(?i:{PLACE_WORD})|(?:Pos|Positions?|Translation){BETWEEN}?)")
+UNIT_WORDS = {"unit", "units"}
+"""Keys of what is no number but the unit of others."""
+
 FLAG_WORD = (
     r"(?:v|(?:is_?)?(?:valid|visible|tracked|seen|(occluded|hidden|lost|missing))"
     r"|(conf|confidences?|likelihoods?|scores?|visibility))"

@@ -29,7 +29,7 @@ def test_short_tracks_get_the_marker_whose_distances_they_keep(case) -> None:
     cloud, marker, track = case
     labels = np.where(track < len(PLACES), marker, -1)
     take = FollowedCloud(cloud, track, RATE, SPACING)
-    np.testing.assert_array_equal(label_leftovers(take, labels, take.distances(labels)), marker)
+    np.testing.assert_array_equal(label_leftovers(take, labels), marker)
 
 
 def test_single_points_get_a_marker_at_the_end_only(case) -> None:
@@ -37,7 +37,7 @@ def test_single_points_get_a_marker_at_the_end_only(case) -> None:
     alone = np.isin(np.arange(len(marker)), np.flatnonzero(marker == 3)[[50, 51, 220]])
     labels, track = np.where(alone, -1, marker), np.where(alone, -1, track)
     take = FollowedCloud(cloud, track, RATE, SPACING)
-    assert label_leftovers(take, labels, take.distances(labels)) is labels
+    assert label_leftovers(take, labels) is labels
     np.testing.assert_array_equal(label_rest(take, labels), marker)
 
 
@@ -52,9 +52,11 @@ def test_single_false_points_get_no_marker(case) -> None:
 
 def test_a_marker_without_any_label_is_found_by_its_distances_in_another_take(case) -> None:
     cloud, marker, _ = case
-    labels = np.where(marker == len(PLACES) - 1, -1, marker)
-    take = FollowedCloud(cloud, marker, RATE, SPACING)
-    np.testing.assert_array_equal(label_leftovers(take, labels, take.distances(marker)), marker)
+    frame = np.repeat(np.arange(N_FRAMES), cloud.points_per_frame)
+    labels = np.where((marker == len(PLACES) - 1) & (frame >= N_FRAMES // 2), -1, marker)
+    track = np.where(frame < N_FRAMES // 2, marker, marker + len(PLACES))
+    take = FollowedCloud(cloud, track, RATE, SPACING, n_known=N_FRAMES // 2)
+    np.testing.assert_array_equal(label_leftovers(take, labels), marker)
 
 
 def test_a_marker_that_is_seen_meanwhile_is_not_given_twice(case) -> None:
@@ -65,7 +67,7 @@ def test_a_marker_that_is_seen_meanwhile_is_not_given_twice(case) -> None:
     points[twin] = points[other] + 1.0
     moved = PointCloud(points, cloud.frame_starts, cloud.times)
     take = FollowedCloud(moved, track, RATE, SPACING)
-    found = label_leftovers(take, labels, take.distances(labels))
+    found = label_leftovers(take, labels)
     assert (found[twin] != 2).all()
 
 
@@ -76,7 +78,7 @@ def test_false_points_away_from_all_places_get_no_marker(case) -> None:
     points[track >= len(PLACES)] += AWAY
     moved = PointCloud(points, cloud.frame_starts, cloud.times)
     take = FollowedCloud(moved, track, RATE, SPACING)
-    assert label_leftovers(take, labels, take.distances(labels)) is labels
+    assert label_leftovers(take, labels) is labels
 
 
 @pytest.mark.parametrize(("another", "is_labelled"), [(0.0, False), (12.0, True)])
@@ -89,11 +91,11 @@ def test_what_lasts_in_a_new_pose_is_a_known_marker_where_another_one_is_unlikel
     slid = PointCloud(points, cloud.frame_starts, cloud.times)
     labels, track = np.where(lasts, -1, marker), np.where(lasts, len(PLACES), marker)
     take = FollowedCloud(slid, track, RATE, SPACING)
-    found = label_leftovers(take, labels, take.distances(labels), another)
+    found = label_leftovers(take, labels, another)
     np.testing.assert_array_equal(found, marker if is_labelled else labels)
 
 
 def test_labels_without_leftovers_stay(case) -> None:
     cloud, marker, track = case
     take = FollowedCloud(cloud, track, RATE, SPACING)
-    assert label_leftovers(take, marker, take.distances(marker)) is marker
+    assert label_leftovers(take, marker) is marker

@@ -87,15 +87,16 @@ def refit_labels(
     take = FollowedCloud(points.cloud, points.tracks.astype(np.int32), rate, typical_spacing(points.cloud))
     task, takes = LabelTask(take, parameters), _TwoTakes.of(take, calibrated, skeleton)
     before, best, evidence = marker_of_point, marker_of_point, -np.inf
-    for _ in range(MOST_TURNS):
+    for turn in range(MOST_TURNS):
+        if turn > 0:
+            before, _ = pose_and_reassign(points, best, skeleton, monitor)
         fitted = _fitted(task, before.astype(np.int32), calibrated.n_markers, monitor)
-        found = takes.confirmed(takes.put_right(fitted), fitted, points, skeleton).astype(np.intp)
-        if (more := takes.evidence(found)) <= evidence:
+        found, more = takes.confirmed(takes.put_right(fitted), fitted, points, skeleton)
+        if more <= evidence:
             break
-        n_changed, best, evidence = int((found != before).sum()), found, more
-        if n_changed <= UNCHANGED * len(found):
+        best, evidence = found.astype(np.intp), more
+        if (best != before).sum() <= UNCHANGED * len(best):
             break
-        before, _ = pose_and_reassign(points, found, skeleton, monitor)
     return best
 
 
@@ -157,20 +158,20 @@ class _TwoTakes:
         """Marker of each point of the take when all that distances of both takes tell is put right."""
         both = self.both
         found = put_right(both, self._with_known(marker_of_point))
-        found = label_leftovers(both, found, both.distances(found), MOST_EXISTENCE)
+        found = label_leftovers(both, found, MOST_EXISTENCE)
         unknown = np.where(np.isin(marker_of_point, self.known), -1, marker_of_point)
         return point_labels.numbered_as(self._with_known(unknown), label_rest(both, found))[len(self.known) :]
 
-    def confirmed(self, found: Ints, before: Ints, points: FollowedPoints, skeleton: Skeleton) -> Ints:
-        """Labels found; in each part those before, if a pose speaks more for these than distances do against them."""
-        had_label = (found >= 0) & (before >= 0)
+    def confirmed(self, found: Ints, before: Ints, points: FollowedPoints, skeleton: Skeleton) -> tuple[Ints, float]:
+        """Labels, and their evidence; parts stay as before where a pose speaks more for it than distances against."""
+        had_label, evidence = (found >= 0) & (before >= 0), self.evidence(found)
         if not (had_label & (found != before)).any():
-            return found
+            return found, evidence
         misfits, others = _misfits(found, points, skeleton), _misfits(before, points, skeleton)
         agreed = np.append(misfits[had_label & (found == before)], EXPECTED)
         trusted = EXPECTED / max(float(np.median(agreed)), EXPECTED)  # skin may move more than it did there
         worse = trusted * (misfits - others) / (SAMPLE_SECONDS * self.both.rate)  # frames of a moment say the same
-        limb, evidence = np.append(skeleton.limb_of_marker, _NO_LABEL), self.evidence(found)
+        limb = np.append(skeleton.limb_of_marker, _NO_LABEL)
         for part in parts_that_differ(self.both, self._with_known(found), self._with_known(before)):
             own = part - len(self.known)
             limbs = np.setdiff1d(limb[np.concatenate([found[own], before[own]])], _NO_LABEL)
@@ -181,7 +182,7 @@ class _TwoTakes:
                 tried[own] = before[own]
                 if (without := self.evidence(tried)) + gain > evidence:
                     found, evidence = tried, without
-        return found
+        return found, evidence
 
     def _with_known(self, marker_of_point: Ints) -> Ints:
         return np.concatenate([self.known, marker_of_point]).astype(np.int32)

@@ -48,7 +48,7 @@ TRACKS_AT_ONCE = 500
 """Tracks, or pieces of them, that are compared with all markers at once."""
 
 
-def label_leftovers(take: FollowedCloud, marker_of_point: Ints, sums: Floats, most_against: float = 0.0) -> Ints:
+def label_leftovers(take: FollowedCloud, marker_of_point: Ints, most_against: float = 0.0) -> Ints:
     """Give tracks without a marker to the markers whose distances they keep.
 
     Parameters
@@ -57,8 +57,6 @@ def label_leftovers(take: FollowedCloud, marker_of_point: Ints, sums: Floats, mo
         The take.
     marker_of_point : ndarray of intp, shape (n_points,)
         Marker of each point, -1 for none.
-    sums : ndarray, shape (3, n_markers, n_markers)
-        Number, sum [mm] and sum of squares [mm^2] of the markers' distances, in this take or in another one.
     most_against : float, nats
         Most that speaks against one marker more (`markers.existence`): so unlikely is it that what lasts too long for a
         false point is none of those known.
@@ -69,7 +67,7 @@ def label_leftovers(take: FollowedCloud, marker_of_point: Ints, sums: Floats, mo
         Marker of each point, -1 for none; the given array if nothing is added.
     """
     pieces = _lasting(take.track_of_point, marker_of_point, LEAST_POINTS)
-    return _with_pieces(take, marker_of_point, pieces, sums, most_against)
+    return _with_pieces(take, marker_of_point, pieces, most_against)
 
 
 def label_rest(take: FollowedCloud, marker_of_point: Ints) -> Ints:
@@ -91,7 +89,7 @@ def label_rest(take: FollowedCloud, marker_of_point: Ints) -> Ints:
     """
     for _ in range(1 if take.is_very_long else MOST_PASSES):
         pieces, before = _lasting(take.track_of_point, marker_of_point, 1), marker_of_point
-        marker_of_point = _with_pieces(take, before, pieces, take.distances(before), over_gaps=True)
+        marker_of_point = _with_pieces(take, before, pieces, over_gaps=True)
         if marker_of_point is before:
             break
     return marker_of_point
@@ -101,16 +99,15 @@ def _with_pieces(
     take: FollowedCloud,
     marker_of_point: Ints,
     pieces: tuple[Ints, Ints],
-    sums: Floats,
     most_against: float = 0.0,
     *,
     over_gaps: bool = False,
 ) -> Ints:
     """Marker of each point when pieces have got theirs: points, piece by piece, and the number of each one's piece."""
     points, track = pieces
-    if not len(points) or sums.shape[1] <= LEAST_WITNESSES:
+    if not len(points) or marker_of_point.max() < LEAST_WITNESSES:
         return marker_of_point
-    laws, another = usual_distances(sums, take.spacing), 0.0
+    laws, another = usual_distances(take.distances(marker_of_point), take.spacing), 0.0
     if most_against > 0.0 and (np.bincount(track) >= LASTING).any():
         another = min(existence(take.cloud, marker_of_point), most_against)
     result = marker_of_point.copy()

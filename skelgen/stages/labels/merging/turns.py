@@ -48,7 +48,7 @@ def put_right(take: FollowedCloud, marker_of_point: Ints) -> Ints:
     looks_far, found = not take.is_very_long, marker_of_point
     for judged in (take, replace(take, by_posture=True)) if looks_far else (take,):
         found = _in_turns(judged, found, looks_far)
-    return label_leftovers(take, found, take.distances(found), MOST_AGAINST)
+    return label_leftovers(take, found, MOST_AGAINST)
 
 
 def _in_turns(take: FollowedCloud, marker_of_point: Ints, looks_far: bool) -> Ints:

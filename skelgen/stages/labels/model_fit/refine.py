@@ -169,7 +169,7 @@ def complete_markers(take: FollowedCloud, marker_of_point: Ints) -> Ints:
         Marker of each point, -1 for none; numbered without holes.
     """
     joined = join_duplicates(take, marker_of_point)
-    return label_leftovers(take, joined, take.distances(joined))
+    return label_leftovers(take, joined)
 
 
 def core_markers(marker_of_point: Ints, n_markers: int | None = None) -> Ints:
