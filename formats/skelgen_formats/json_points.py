@@ -13,6 +13,7 @@ import json
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import starmap
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ from numpy.typing import NDArray
 
 from skelgen.errors import FormatError
 from skelgen.model import PointCloud, Poses, Trajectories
+from skelgen_formats.flags import FLAG_WORD, STATES, all_said
 from skelgen_formats.lines import Lines, read_lines
 from skelgen_formats.named_arrays import take_from_arrays
 from skelgen_formats.options import POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
@@ -107,7 +109,7 @@ def take_from_value(path: Path, value: Any, options: Options, what: str) -> Traj
         value = _plain(_with_whole_markers(value))
         _find_owners(value, (), counts, in_frame=False)
         owners = {key: _listed(count) for key, count in counts.items()}
-        leaves = dict(_leaves(_by_owner(value, (), owners), ()))
+        leaves = dict(starmap(_with_flags, _leaves(_by_owner(value, (), owners), ())))
         arrays = {key: _array(leaf) for key, leaf in _spread(path, leaves).items()}
     except (ValueError, TypeError, LookupError, RecursionError, OverflowError) as error:
         raise FormatError(path, "", _damaged(what, error)) from error
@@ -174,6 +176,15 @@ def _leaves(value: Any, path: _Path) -> Iterator[tuple[_Path, Any]]:
         yield from _leaves(_picked(value, key), (*path, _NAMES if is_name else key))
     if not keys:
         yield path, value
+
+
+def _with_flags(path: _Path, leaf: Any) -> tuple[_Path, Any]:
+    """Return 1 and 0 for words that say whether points are seen, and the key of what they stand under."""
+    key = path[-1].lower() if path else ""
+    if key not in STATES and not re.fullmatch(FLAG_WORD, key):
+        return path, leaf
+    told = all_said(leaf, in_words=key in STATES)
+    return (path, leaf) if told is None else ((*path[:-1], "tracked" if key in STATES else path[-1]), told.tolist())
 
 
 def _plain(value: Any) -> Any:

@@ -23,11 +23,12 @@ from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.model.arrays import Floats
 from skelgen.progress import counted
 from skelgen_formats.clock_titles import clock_of
+from skelgen_formats.flags import FLAG_WORD, all_said
 from skelgen_formats.options import Options
 from skelgen_formats.table_heads import CAMEL
 from skelgen_formats.text import is_number, seconds_of
 from skelgen_formats.time_stamps import Stamps, since_first
-from skelgen_formats.titles import FLAG_WORD, UNIT_WORDS, bodies_of, with_axes
+from skelgen_formats.titles import UNIT_WORDS, bodies_of, with_axes
 from skelgen_formats.turn_titles import AXES
 from skelgen_formats.untitled_points import positions_of_columns
 from skelgen_formats.wide import take_from_table
@@ -114,9 +115,10 @@ def _without_unseen(numbers: NDArray[Any], names: Sequence[str], arrays: Arrays,
     for key, array in arrays.items():
         owner, _, word = key.rpartition(".")
         flag = re.fullmatch(FLAG_WORD, word, re.IGNORECASE)
-        if flag is None or array.dtype.kind not in "bfiu" or not array.any():
+        told = None if flag is None else array if array.dtype.kind in "bfiu" else all_said(array)
+        if flag is None or told is None or not told.any():
             continue
-        tells = array == 0 if flag[1] else np.nan_to_num(array) > 0
+        tells = told == 0 if flag[1] else np.nan_to_num(told) > 0
         if tells.shape in (shape, shape[::-1]):
             are_seen &= tells if tells.shape == shape else tells.T
         elif owner in names and tells.shape == shape[:1]:

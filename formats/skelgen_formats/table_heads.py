@@ -14,6 +14,7 @@ from operator import mul
 
 from skelgen_formats.body_columns import Body
 from skelgen_formats.clock_titles import Clock, clock_of, is_frame
+from skelgen_formats.flags import said
 from skelgen_formats.options import MM_PER_UNIT
 from skelgen_formats.text import (
     is_number,
@@ -76,7 +77,6 @@ _OWNING = re.compile(
 )
 _EVEN = 2.0  # how much longer than the shortest one a step from time to time is, at most
 _UNIT_TOLERANCE = 1e-3  # of the length of quaternions, which are printed with a few digits
-_FLAGS = [["0"], ["1"], ["true"], ["false"]]
 _COMMENT = "#%"  # what stands before the titles that numpy and ROS write
 _STRICT, _LOOSE = (deeplabcut, under_names, in_one_line), (in_threes, names_of_threes)
 _STATES = re.compile(r"[:=]\s*\S")
@@ -230,7 +230,7 @@ def _read_rows(head: Head, every: list[list[str]]) -> None:
     head.unit = head.unit_in_cells or head.unit
     for body in head.bodies:
         is_flag = body.flag is None or all(
-            [*map(str.lower, row[body.flag : body.flag + 1])] in _FLAGS for row in rows[:1]
+            [*map(said, row[body.flag : body.flag + 1])] not in ([], [None]) for row in rows[:1]
         )
         body.flag = body.flag if is_flag or body.is_graded else None
     if head.frames is not None and not all(is_number(row[head.frames]) for row in rows[:1] if head.frames < len(row)):

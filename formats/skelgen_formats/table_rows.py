@@ -7,11 +7,12 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 
 from skelgen.progress import counted
+from skelgen_formats.flags import WORDS, said
 from skelgen_formats.text import is_number, is_unseen, seconds_of, unquoted
 from skelgen_formats.title_lines import Head
 
 _RULED, _RULE = ("|-", "| ", "--", "==", "+-", "|:"), "-=|:+ "  # of tables in Markdown
-_FLAG = re.compile(r"\b(?:true|false)\b", re.IGNORECASE)
+_FLAG = re.compile(rf"\b(?:{'|'.join(WORDS)})\b", re.IGNORECASE)
 _COMMENTS, _MARKS = ("#", "%", "//"), "<*["  # the latter are no numbers, either
 _LONG_STEP = 1000  # frames; where more are missing, it does not matter how many
 
@@ -90,7 +91,7 @@ def unquoted_rows(lines: Iterable[tuple[int, str]], delimiter: str | None, least
 
 
 def with_numbers(numbered: Iterable[tuple[int, str]], head: Head) -> Iterator[tuple[int, str]]:
-    """Yield lines with 1 and 0 for true and false, if flags say which points are seen, and without units in cells.
+    """Yield lines with 1 and 0 for true, false and the like, if flags say what is seen, and without units in cells.
 
     Parameters
     ----------
@@ -103,7 +104,7 @@ def with_numbers(numbered: Iterable[tuple[int, str]], head: Head) -> Iterator[tu
     unit = re.compile(rf"(?<=[\d.]) ?{head.unit_in_cells}\b") if head.unit_in_cells else None
     for number, line in numbered:
         plain = unit.sub("", line) if unit else line
-        yield number, _FLAG.sub(lambda flag: f"{int(flag[0].lower() == 'true')}", plain) if are_there else plain
+        yield number, _FLAG.sub(lambda flag: f"{int(bool(said(flag[0])))}", plain) if are_there else plain
 
 
 def without_remarks(

@@ -11,7 +11,7 @@ times tell them; where nothing tells them, the rows of a name follow each other.
 
 from array import array
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -19,8 +19,9 @@ import numpy as np
 
 from skelgen.errors import FormatError
 from skelgen.model import PointCloud, Poses, Trajectories
-from skelgen.model.arrays import Ints
+from skelgen.model.arrays import Floats, Ints
 from skelgen.progress import counted
+from skelgen_formats.flags import said
 from skelgen_formats.lines import Lines, decoded_head, read_lines
 from skelgen_formats.options import ANGLE_ORDER, AUTO, POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
 from skelgen_formats.row_owners import spread
@@ -32,18 +33,19 @@ from skelgen_formats.title_lines import UNREAD_QUATERNION
 from skelgen_formats.turn_titles import AXES, numbered_quaternions
 from skelgen_formats.wide import take_from_head
 
-_UNSEEN = {"flag": ("0", "false", "0.0", "nottracked", "not_tracked"), "hidden": ("1", "true", "1.0")}
+_HIDDEN = -np.inf  # in place of a grade
 _LONG_STEP = 1000.0  # frames; where more are missing, it does not matter how many
 
 
 @dataclass
 class _Rows:
-    """What the rows hold: of each the frame, trial, point and numbers; names of points, times by frame, notices."""
+    """What rows hold: of each the frame, trial, point, numbers and grade; names of points, times by frame, notices."""
 
     frames: "array[float]" = field(default_factory=lambda: array("d"))
     trials: "array[int]" = field(default_factory=lambda: array("q"))
     points: "array[int]" = field(default_factory=lambda: array("q"))
     numbers: "array[float]" = field(default_factory=lambda: array("d"))
+    grades: "array[float]" = field(default_factory=lambda: array("d"))
     names: dict[tuple[str, ...], int] = field(default_factory=dict)
     takes: dict[str, int] = field(default_factory=dict)
     times: dict[float, float] = field(default_factory=dict)
@@ -96,7 +98,7 @@ def read_tidy(path: Path, lines: Lines, options: Options) -> Trajectories | Poin
     _check_rows(path, head, places, points)
     if head.frames is not None and len(rows.takes) < 2:
         notice_skipped(Counter(np.diff(every).clip(max=_LONG_STEP).astype(int).tolist()), head.notices)
-    cells = np.frombuffer(rows.numbers).reshape(-1, width)
+    cells = _sure(np.frombuffer(rows.numbers).reshape(-1, width), np.frombuffer(rows.grades), head.notices)
     shape = (len(every), n_names * _n_points_of_name(head))
     numbers = spread(path, cells, np.stack([places, points], axis=1), shape)
     times = np.array([rows.times[frame] for frame in every.tolist() if frame in rows.times])  # of the first trial
@@ -105,6 +107,16 @@ def read_tidy(path: Path, lines: Lines, options: Options) -> Trajectories | Poin
     names = bodies if width > len(AXES) and "name" not in at else _distinct([*rows.names])
     numbers = numbers.reshape(len(every), n_names, width * _n_points_of_name(head))
     return take_from_head(path, numbers, names, head, stamps, options)
+
+
+def _sure(cells: Floats, grades: Floats, notices: list[str]) -> Floats:
+    """Return the numbers of rows, NaN where a point is hidden, or has the grade 0, if that is not the grade of all."""
+    is_hidden, unsure = grades == _HIDDEN, grades <= 0.0
+    unsure = is_hidden if unsure.all() else unsure
+    if unsure.any():
+        positions = counted(int(unsure.sum()), "position is", "positions are")
+        notices.append(f"{positions} unseen, as the columns of {'flags' if is_hidden.any() else 'confidence'} say")
+    return np.where(unsure[:, np.newaxis], np.nan, cells)
 
 
 def _n_points_of_name(head: TidyHead) -> int:
@@ -151,12 +163,22 @@ def _rows(path: Path, lines: Lines, head: TidyHead) -> _Rows:
         rows.points.append(rows.names.setdefault(name, len(rows.names)) * _n_points_of_name(head) + along)
         if clock and frame not in rows.times:
             rows.times[frame] = number_or_nan(path, number, time, "the time")
-        is_hidden = any(what in at and cells[at[what]].strip().lower() in words for what, words in _UNSEEN.items())
         numbers = [number_or_nan(path, number, cells[column], "a coordinate") for column in columns]
-        rows.numbers.extend([np.nan] * len(columns) if is_hidden else numbers)
+        rows.numbers.extend(numbers)
+        grade = number_or_nan(path, number, cells[at["grade"]], "a grade") if "grade" in at else 1.0
+        rows.grades.append(_HIDDEN if _is_hidden(at, cells) else grade)
     if left_out:
         rows.notices.append(f"{counted(left_out, 'row is', 'rows are')} of no x, y or z, and left out")
     return rows
+
+
+def _is_hidden(at: Mapping[str, int], cells: Sequence[str]) -> bool:
+    """Whether a row says that its point is not seen."""
+    tells = {"flag": False, "hidden": True, "state": False}
+    residual = cells[at["residual"]].strip() if "residual" in at else ""
+    return residual.startswith("-") or any(
+        what in at and said(cells[at[what]], in_words=what == "state") is hides for what, hides in tells.items()
+    )
 
 
 def _cells(path: Path, lines: Lines, head: TidyHead, notices: list[str]) -> Iterator[tuple[int, list[str]]]:

@@ -17,6 +17,7 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
 from skelgen_formats.body_columns import Body
+from skelgen_formats.flags import FLAG_WORD
 from skelgen_formats.spelling import LENGTH, OF_VERSION, PLACE_WORD, spelt
 from skelgen_formats.text import is_number, is_unseen
 from skelgen_formats.turn_titles import (
@@ -43,12 +44,6 @@ _TRANSLATED_ALONE = re.compile(r"[tp]([xyz])", re.IGNORECASE)
 _NAMED_PLACE = re.compile(rf"(.{{1,200}}?)(?:{BETWEEN}(?i:{PLACE_WORD})|(?:Pos|Positions?|Translation){BETWEEN}?)")
 UNIT_WORDS = {"unit", "units"}
 """Keys of what is no number but the unit of others."""
-
-FLAG_WORD = (
-    r"(?:v|(?:is_?)?(?:valid|visible|tracked|seen|(occluded|hidden|lost|missing))"
-    r"|(conf|confidences?|likelihoods?|scores?|visibility))"
-)
-"""What says whether a point is seen, is not, or how sure it is, each a group but the first; to be read in any case."""
 
 _FLAG = re.compile(rf"(.{{1,200}}?){BETWEEN}{FLAG_WORD}", re.IGNORECASE)
 _IS_ANGLE = re.compile(r".*(?:euler|rotvec|rot|rotation|ori|orientation)[ _.:-]?[xyz]", re.IGNORECASE)

@@ -95,14 +95,25 @@ def test_points_that_frames_do_not_list_are_unseen(put):
     assert take.seen[:, 1].tolist() == [False, True, False, True, False]
 
 
-@pytest.mark.parametrize(("flag", "seen"), [("visible", True), ("isOccluded", False), ("confidence", 0.7)])
-def test_points_are_unseen_where_flags_say_so(put, flag, seen):
-    hidden = type(seen)(not seen)
+@pytest.mark.parametrize(
+    ("flag", "seen", "hidden"),
+    [
+        *[("visible", True, False), ("isOccluded", False, True), ("confidence", 0.7, 0.0)],
+        *[("visible", "yes", "no"), ("occluded", "F", "T"), ("status", "OK", "lost"), ("visible", "true", None)],
+    ],
+)
+def test_points_are_unseen_where_flags_say_so(put, flag, seen, hidden):
     frames = [
         {"markers": [{**one, flag: hidden if n == 1 else seen} for one in named(f)]} for n, f in enumerate(PLACES)
     ]
     take = read_take(put("flags.json", json.dumps({"fps": 50, "frames": frames})))
+    assert take.names == tuple(NAMES)
     assert take.seen[:, 1].tolist() == [True, False, True, True, True]
+
+
+def test_numbers_of_a_status_are_codes(put):
+    frames = [{"markers": [{**one, "status": "0"} for one in named(frame)]} for frame in PLACES]
+    assert read_take(put("codes.json", json.dumps({"fps": 50, "frames": frames}))).seen.all()
 
 
 @pytest.mark.parametrize(

@@ -45,8 +45,9 @@ def test_coordinates_may_have_arrays_of_their_own(tmp_path):
 
 def test_points_are_unseen_where_an_array_of_flags_says_so(tmp_path):
     valid = np.arange(N_FRAMES)[:, np.newaxis] != [3, 5, 5, 9]
-    np.savez(tmp_path / "points.npz", positions=POSITIONS, names=NAMES, valid=valid)
-    np.testing.assert_array_equal(read_take(tmp_path / "points.npz").seen, valid)
+    for flags in (valid, np.where(valid, "yes", "no")):
+        np.savez(tmp_path / "points.npz", positions=POSITIONS, names=NAMES, valid=flags)
+        np.testing.assert_array_equal(read_take(tmp_path / "points.npz").seen, valid)
 
 
 @pytest.mark.parametrize("shape", [(4,), (4, 4, 4), (1, 4, 4)])

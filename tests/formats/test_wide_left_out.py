@@ -120,3 +120,13 @@ def test_other_words_stand_for_gaps_too(put, gap):
 def test_deviations_of_positions_are_no_points(put):
     titles = "a_x,a_y,a_z,b_x,b_y,b_z,b_std_x,b_std_y,b_std_z"
     assert read_take(put("std.csv", f"{titles}\n" + rows(after=",1,2,3"))).names == ("a", "b")
+
+
+@pytest.mark.parametrize("words", ["1 0", "True False", "yes no", "T F", "ok lost"])
+def test_points_are_unseen_where_a_column_of_flags_says_so(put, words):
+    seen, hidden = words.split()
+    text = (
+        f"time,a_x,a_y,a_z,a_valid,b_x,b_y,b_z,b_valid\n0,1,2,3,{seen},4,5,6,{seen}\n0.02,1,2,4,{seen},4,5,7,{hidden}\n"
+    )
+    take = read_take(put("flags.csv", text))
+    assert (take.names, take.seen.tolist()) == (("a", "b"), [[True, True], [True, False]])
