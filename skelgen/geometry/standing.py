@@ -47,17 +47,36 @@ def rest_begins(path: Floats, rate: float) -> int | None:
         Frame rate.
     """
     frames = np.flatnonzero(~np.isnan(path[:, 0]))
-    path, least = path[frames], max(3, round(STILL_SECONDS * rate))
-    if len(path) < least:
+    path = path[frames]
+    if (end := _still_end(path, rate)) is None:  # of most markers, without a look at all of a long take
         return None
-    end = path[-max(3, round(_END_SECONDS * rate)) :]
-    place = np.median(end, axis=0)
-    limit = _OFF_PLACE * noise_of(end) + _ROUNDING
-    if np.abs(path[-least:] - place).max() > limit:  # of most markers, without a look at all of a long take
-        return None
+    place, limit = end
     away = np.flatnonzero(np.abs(path - place).max(axis=1) > limit)
     begin = int(away[-1]) + 1 if len(away) else 0
     return int(frames[begin]) if _is_white(path[begin:]) else None
+
+
+def ends_still(path: Floats, rate: float) -> bool:
+    """Return whether a marker keeps its place at the end of its path: if not, it does not rest from any frame on.
+
+    Parameters
+    ----------
+    path : ndarray, shape (n_frames, 3), mm
+        Its positions where it is seen.
+    rate : float, Hz
+        Frame rate.
+    """
+    return _still_end(path, rate) is not None
+
+
+def _still_end(path: Floats, rate: float) -> tuple[Floats, float] | None:
+    """The place at which a path ends, and how far noise takes the marker from it [mm]; None if it moves."""
+    least = max(3, round(STILL_SECONDS * rate))
+    if len(path) < least:
+        return None
+    end = path[-max(3, round(_END_SECONDS * rate)) :]
+    place, limit = np.median(end, axis=0), _OFF_PLACE * noise_of(end) + _ROUNDING
+    return (place, limit) if np.abs(path[-least:] - place).max() <= limit else None
 
 
 def fixed_markers(positions: Floats, rate: float, deviation: Floats) -> Bools:

@@ -22,8 +22,9 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
+from scipy.spatial import cKDTree
 
-from skelgen.geometry.statistics import SIGMA_OF_MEDIAN
+from skelgen.geometry.statistics import SIGMA_OF_MEDIAN, lengths_of
 from skelgen.model import PointCloud
 from skelgen.model.arrays import Bools, Floats, Ints, spread_frames
 from skelgen.progress import SILENT, Monitor
@@ -196,7 +197,5 @@ def _changes_of_distances(before: Floats, after: Floats) -> Floats:
     """How much the distances of points from the nearest others change [mm]."""
     if len(before) <= NEAREST:
         return np.zeros(0)
-    distances = [np.linalg.norm(places[:, np.newaxis] - places, axis=2) for places in (before, after)]
-    nearest = np.argsort(distances[0], axis=1, kind="stable")[:, 1 : NEAREST + 1]
-    then, now = (np.take_along_axis(one, nearest, axis=1) for one in distances)
-    return np.asarray(np.abs(now - then).ravel())
+    then, nearest = (found[:, 1:] for found in cKDTree(before).query(before, k=NEAREST + 1))
+    return np.asarray(np.abs(lengths_of(after[nearest] - after[:, np.newaxis]) - then).ravel())

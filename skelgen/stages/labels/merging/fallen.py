@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from skelgen.geometry.falling import Fall, find_fall, has_left, moments_of
-from skelgen.geometry.standing import STILL_SECONDS
+from skelgen.geometry.standing import ends_still
 from skelgen.model.arrays import Ints, rows_of_each
 from skelgen.stages.labels.merging.followed import FollowedCloud
 from skelgen.stages.labels.point_labels import sampled_positions
@@ -40,7 +40,7 @@ def without_fallen(take: FollowedCloud) -> tuple[FollowedCloud, tuple[str, ...]]
         if (lies & (last < first[number])).any():  # it has lain there before
             continue
         rest = np.concatenate([points, *(pieces[other] for other in np.flatnonzero(lies & (first > last[number])))])
-        if len(rest) < STILL_SECONDS * take.rate or track[points[-1]] < 0 or take.is_fixed[rest].any():
+        if track[points[-1]] < 0 or take.is_fixed[rest].any() or not ends_still(take.cloud.points[rest], take.rate):
             continue
         is_before = (last < first[number]) & (last >= first[number] - LOST_SECONDS * take.rate)
         found = _fall_of(take, rest, [pieces[other] for other in np.flatnonzero(is_before).tolist()], frame)

@@ -297,19 +297,18 @@ def moments_of_pieces(take: FollowedCloud, marker_of_point: Ints, markers: range
     markers : range
         Markers whose pieces are looked at; -1 stands for points without one.
     """
-    track_of_point = take.track_of_point
-    found = [np.zeros((0, MOMENTS), dtype=np.intp)]
-    for marker in markers:
-        points = np.flatnonzero((marker_of_point == marker) & (track_of_point >= 0))
-        if not len(points):
-            continue
-        points = points[np.argsort(track_of_point[points], kind="stable")]
-        starts = np.flatnonzero(np.diff(track_of_point[points], prepend=-1))
-        lengths = np.diff(starts, append=len(points))
-        used = (lengths >= SHORTEST) & ~np.logical_or.reduceat(take.is_fixed[points], starts)
-        along = lengths[used, np.newaxis] * np.arange(MOMENTS) // MOMENTS
-        found.append(points[starts[used, np.newaxis] + along])
-    return np.concatenate(found)
+    track = take.track_of_point
+    is_among = (marker_of_point >= markers.start) & (marker_of_point < markers.stop)
+    points = np.flatnonzero(is_among & (track >= 0))
+    if not len(points):
+        return np.zeros((0, MOMENTS), dtype=np.intp)
+    piece = (marker_of_point[points].astype(np.int64) - markers.start) * (int(track.max()) + 1) + track[points]
+    order = np.argsort(piece, kind="stable")
+    points, starts = points[order], np.flatnonzero(np.diff(piece[order], prepend=-1))
+    lengths = np.diff(starts, append=len(points))
+    used = (lengths >= SHORTEST) & ~np.logical_or.reduceat(take.is_fixed[points], starts)
+    along = lengths[used, np.newaxis] * np.arange(MOMENTS) // MOMENTS
+    return np.asarray(points[starts[used, np.newaxis] + along])
 
 
 def _best_others(

@@ -254,13 +254,16 @@ def steadiest_place(
     if not len(limbs):
         return None
     pose = poses.world_from_limb[np.ix_(seen, limbs)]
-    away = positions[seen, np.newaxis] - pose[..., :3, 3]
-    local = (away[..., np.newaxis, :] @ pose[..., :3, :3])[..., 0, :]
-    weight = known[:, limbs, np.newaxis].astype(np.float64)
-    mean = (local * weight).sum(axis=0) / weight.sum(axis=0)
-    spread = np.sqrt((((local - mean) ** 2) * weight).sum(axis=(0, 2)) / weight[..., 0].sum(axis=0))
+    x, y, z = (positions[seen, axis, np.newaxis] - pose[..., axis, 3] for axis in range(3))
+    local = np.stack(
+        [x * pose[..., 0, k] + y * pose[..., 1, k] + z * pose[..., 2, k] for k in range(3)]
+    )  # as `_placed`
+    weight = known[:, limbs].astype(np.float64)
+    total = weight.sum(axis=0)
+    mean = (local * weight).sum(axis=1) / total
+    spread = np.sqrt(((local - mean[:, np.newaxis]) ** 2 * weight).sum(axis=(0, 1)) / total)
     best = int(np.argmin(spread / limits[limbs]))
-    return (int(limbs[best]), mean[best]) if spread[best] < limits[limbs[best]] else None
+    return (int(limbs[best]), mean[:, best]) if spread[best] < limits[limbs[best]] else None
 
 
 def _core_gates(positions: Floats, limb_of_marker: Ints, offsets: Floats, poses: LimbPoses) -> tuple[Floats, Floats]:
