@@ -1,5 +1,6 @@
 """Words that say of points whether they are seen, in titles of columns, keys of arrays, and cells."""
 
+import re
 from typing import Any
 
 import numpy as np
@@ -20,8 +21,7 @@ _SAYS_NO = {"false", "f", "no", "n", "bad", "invalid", "unseen", "hidden", "occl
     *("nottracked", "not_tracked", "not tracked", "untracked"),
 }
 _TOLD = dict.fromkeys(_SAYS_YES, True) | dict.fromkeys(_SAYS_NO, False)
-WORDS = tuple(_TOLD)
-"""All that say it, in small letters."""
+_WORD = re.compile(rf"\b(?:{'|'.join(_TOLD)})\b", re.IGNORECASE)
 
 
 def said(cell: str, *, in_words: bool = False) -> bool | None:
@@ -36,6 +36,17 @@ def said(cell: str, *, in_words: bool = False) -> bool | None:
     """
     word = cell.strip().lower()
     return _TOLD.get(word) if in_words or word not in {"1", "0", "1.0", "0.0"} else word[0] == "1"
+
+
+def in_numbers(line: str) -> str:
+    """Return a line of a table with 1 for each word that says yes, and 0 for each that says no.
+
+    Parameters
+    ----------
+    line : str
+        Of a table with columns of flags.
+    """
+    return _WORD.sub(lambda word: str(int(_TOLD[word[0].lower()])), line)
 
 
 def all_said(values: Any, *, in_words: bool = False) -> Floats | None:

@@ -7,12 +7,11 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 
 from skelgen.progress import counted
-from skelgen_formats.flags import WORDS, said
+from skelgen_formats.flags import in_numbers
 from skelgen_formats.text import is_number, is_unseen, seconds_of, unquoted
 from skelgen_formats.title_lines import Head
 
 _RULED, _RULE = ("|-", "| ", "--", "==", "+-", "|:"), "-=|:+ "  # of tables in Markdown
-_FLAG = re.compile(rf"\b(?:{'|'.join(WORDS)})\b", re.IGNORECASE)
 _COMMENTS, _MARKS = ("#", "%", "//"), "<*["  # the latter are no numbers, either
 _LONG_STEP = 1000  # frames; where more are missing, it does not matter how many
 
@@ -104,7 +103,7 @@ def with_numbers(numbered: Iterable[tuple[int, str]], head: Head) -> Iterator[tu
     unit = re.compile(rf"(?<=[\d.]) ?{head.unit_in_cells}\b") if head.unit_in_cells else None
     for number, line in numbered:
         plain = unit.sub("", line) if unit else line
-        yield number, _FLAG.sub(lambda flag: f"{int(bool(said(flag[0])))}", plain) if are_there else plain
+        yield number, in_numbers(plain) if are_there else plain
 
 
 def without_remarks(
