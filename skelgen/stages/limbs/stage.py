@@ -34,7 +34,7 @@ from skelgen.stages.limbs.merging import Distances, majority, rigid_bodies, with
 from skelgen.stages.limbs.parameters import LimbConstraints, LimbParameters, MarkerConstraints
 from skelgen.stages.limbs.relative_motion import Movements
 from skelgen.stages.limbs.revision import deformation, is_worn, pair_odds, plates, revised
-from skelgen.stages.limbs.worn_places import with_whole_people
+from skelgen.stages.limbs.whole_people import bodies_of_people
 
 HALF_WEIGHT = 20
 """Sampled frames with which a pair of markers counts half: in fewer, limbs have hardly moved against each other."""
@@ -207,10 +207,8 @@ def _bodies(
     body_of_marker[usable], sure = find_bodies(positions[:, usable], parameters.n_bodies, parts)
     if len(sure) < parameters.n_bodies:
         raise InputError(f"{parameters.n_bodies} bodies were asked for, but only {len(sure)} can be told apart")
-    if len(sure) > 1 and parameters.n_bodies == 0 and parameters.marker_set != "none":
-        for markers in [usable[parts == part] for part in range(int(parts.max()) + 1)]:
-            numbers, body = np.unique(body_of_marker[markers], return_inverse=True)
-            body_of_marker[markers] = numbers[with_whole_people(positions[:, markers], body)]
+    if parameters.n_bodies == 0 and parameters.marker_set != "none":
+        body_of_marker[usable], sure = bodies_of_people(positions[:, usable], body_of_marker[usable], sure, parts)
     for block in (*(tuple(one.tolist()) for one in stated), *named.blocks):
         bodies = np.unique(body_of_marker[list(block)])
         body_of_marker[np.isin(body_of_marker, bodies)] = bodies[0]

@@ -12,7 +12,7 @@ from functools import cache
 import numpy as np
 
 from skelgen.marker_sets import EVERY_PLACE
-from skelgen.model.arrays import Bools, Floats, Ints, spread_frames
+from skelgen.model.arrays import Floats, Ints
 from skelgen.simulation.people import usual_person
 from skelgen.stages.limbs.place_matching import mirror_images, nearest_places, segment_odds
 from skelgen.stages.limbs.set_matching import Match
@@ -32,7 +32,7 @@ from skelgen.stages.limbs.worn_sets import (
     part_of,
     readings,
 )
-from skelgen.stages.limbs.worn_shapes import LOOKED_AT, Shape, WornSet, once_for_frames, shape_of
+from skelgen.stages.limbs.worn_shapes import Shape, WornSet, once_for_frames, shape_of
 
 STARTS = 2
 """Sets from which a search begins."""
@@ -78,10 +78,6 @@ have .35 and more, animals and trees .3 and less."""
 
 ENOUGH_SEGMENTS = 8
 """Segments with markers, from which single places are believed: part of a body may fit other parts in another size."""
-
-LEAST_SEGMENTS, TRUNK = 7, ("pelvis", "chest")
-"""The same for bodies that are joined to a person, and what is among them: half a person has no fewer, and two machines
-beside each other fit parts of arms and legs."""
 
 SURE_PLACES = 0.75
 """Misfit up to which places say where joints lie."""
@@ -239,7 +235,7 @@ def worn_set(positions: Floats) -> tuple[Match, WornSet] | None:
     best = nearest_set(positions)
     if best is None or best[0].misfit > WORN:
         return None
-    places = _places(positions)
+    places = places_by_distances(positions)
     return best if places is None or _doubt(best[0], places.match) < 1.0 else None
 
 
@@ -251,13 +247,19 @@ def sure_places(positions: Floats) -> tuple[Match, WornSet] | None:
     positions : ndarray, shape (n_frames, n_markers, 3), mm
         NaN where unseen.
     """
-    places = _places(positions) if positions.shape[1] >= ENOUGH_MARKERS else None
+    places = places_by_distances(positions) if positions.shape[1] >= ENOUGH_MARKERS else None
     return (places.match, places.worn) if places is not None and places.match.misfit < SURE_PLACES else None
 
 
 @once_for_frames
-def _places(positions: Floats) -> Believed | None:
-    """The places by distances alone: names and joints ask for them."""
+def places_by_distances(positions: Floats) -> Believed | None:
+    """Return the usual places that fit best by distances alone, as for `believed_places`.
+
+    Parameters
+    ----------
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        NaN where unseen.
+    """
     return believed_places(positions, np.zeros((positions.shape[1], positions.shape[1])))
 
 
@@ -280,50 +282,12 @@ def believed_places(positions: Floats, by_motion: Floats) -> Believed | None:
         return Believed(match, places, float(beyond_doubt * borne_out))
     some = part_of((match.misfits < WELL).sum() / len(by_motion), SOME_FIT, NONE_FIT)
     found = Believed(match, places, float(part_of(match.misfit, AT_PLACES, NOT_AT_PLACES) * borne_out), float(some))
-    return found if _n_segments(found) >= ENOUGH_SEGMENTS else replace(found, single=0.0)
+    return found if len(segments_of(found)) >= ENOUGH_SEGMENTS else replace(found, single=0.0)
 
 
-def _n_segments(places: Believed) -> int:
-    """How many segments markers are taken to be on."""
-    return len(np.unique(places.worn.segments[places.match.of_set]))
-
-
-def _has_trunk_and_limbs(places: Believed) -> bool:
-    """Whether markers are on enough segments, and on the trunk."""
-    names = np.array(usual_person(EVERY_PLACE).limb_names)[places.worn.segments[places.match.of_set]]
-    return len(set(names)) >= LEAST_SEGMENTS and bool(np.isin(names, TRUNK).any())
-
-
-def with_whole_people(positions: Floats, body_of_marker: Ints) -> Ints:
-    """Return the body of each marker, where bodies whose markers are all at places of one person are one.
-
-    Where a person lacks markers, those beyond a joint may stay near none of the others.
-
-    Parameters
-    ----------
-    positions : ndarray, shape (n_frames, n_markers, 3), mm
-        NaN where unseen.
-    body_of_marker : ndarray of intp, shape (n_markers,)
-        Bodies as they are told apart by distances, numbered without holes.
-    """
-    shown, joined = positions[spread_frames(len(positions), LOOKED_AT)], body_of_marker.copy()
-    from_smallest = np.argsort(np.bincount(body_of_marker), kind="stable").tolist()
-    for n_smaller, part in enumerate(from_smallest, start=1):
-        for other in reversed(from_smallest[n_smaller:]):
-            markers = np.flatnonzero(np.isin(joined, [part, other]))
-            if _are_of_one_person(shown[:, markers], joined[markers] == part):
-                joined[joined == part] = other
-                break
-    return joined
-
-
-def _are_of_one_person(positions: Floats, is_part: Bools) -> bool:
-    """Whether markers are at usual places of enough segments, and each of some of them is."""
-    places = believed_places(positions, np.zeros((positions.shape[1],) * 2))
-    if places is None or places.match.misfit >= AT_PLACES or not _has_trunk_and_limbs(places):
-        return False
-    at_place = places.match.markers[places.match.misfits < MARKER_FITS]
-    return bool(np.isin(np.flatnonzero(is_part), at_place).all())
+def segments_of(places: Believed) -> set[str]:
+    """Return the names of the segments that markers are taken to be on."""
+    return set(np.array(usual_person(EVERY_PLACE).limb_names)[places.worn.segments[places.match.of_set]].tolist())
 
 
 def _of_mirror_images(match: Match, by_motion: Floats) -> Floats:

@@ -13,7 +13,7 @@ from skelgen.stages.joints import JointConstraints, find_joints
 from skelgen.stages.limbs import LimbConstraints, LimbParameters, find_limbs
 from skelgen.stages.limbs.bodies import find_bodies, seen_together
 from skelgen.stages.limbs.held_bodies import with_held_bodies
-from skelgen.stages.limbs.worn_places import with_whole_people
+from skelgen.stages.limbs.whole_people import with_people_apart, with_whole_people
 from skelgen.stages.limbs.worn_sets import HALVES
 
 OPTIONS = {"n_frames": 250, "noise": 0.3, "marker_set": "animation-41", "motion": "walk", "soft_tissue": "realistic"}
@@ -149,6 +149,22 @@ def test_piece_of_another_person_is_no_part_of_a_person(seed, distance):
     kept = np.array([one == 0 or name.endswith(BELOW_KNEE) for one, name in zip(subject, two.names, strict=True)])
     bodies = subject[kept]
     assert np.array_equal(with_whole_people(two.positions[:, kept], bodies), bodies)
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_people_who_stay_near_each_other_are_parted(seed):
+    two = simulate("human", seed=seed, subjects=2, **(OPTIONS | {"apart": 450.0})).take
+    subject = subject_of(two.names)
+    found = with_people_apart(two.positions, np.zeros_like(subject))
+    assert [len(np.unique(found[subject == one])) for one in (0, 1)] == [1, 1]
+    assert len(np.unique(found)) == 2
+
+
+@pytest.mark.parametrize(("structure", "options"), [("human", OPTIONS), ("tree:20", {"n_frames": 250, "noise": 0.3})])
+def test_what_is_one_person_or_none_is_not_parted(structure, options):
+    take = simulate(structure, seed=0, **options).take
+    assert take.n_markers >= 40
+    assert not with_people_apart(take.positions, np.zeros(take.n_markers, dtype=np.intp)).any()
 
 
 LINKS = (  # of an arm: pivot and axis of the joint to the link before, its turns [rad], where its markers are [mm]
