@@ -136,10 +136,9 @@ def _cost(end: tuple[Match, float]) -> float:
 def _led_on(search: PostureSearch, found: tuple[Match, float]) -> tuple[Match, float]:
     """Where searches end that go on from the end of another, as long as they find better ones."""
     for _ in range(LEADS):
-        after = search.end(found[0], LED_ON)
-        if after[1] >= found[1]:
+        before, found = found, search.end(found[0], LED_ON, found)
+        if found is before:
             break
-        found = after
     return found
 
 
@@ -161,7 +160,7 @@ def _with_limbs_anew(search: PostureSearch, end: tuple[Match, float]) -> tuple[M
             match, kept = end[0], ~on_limb[end[0].of_set]
             if LEAST_INLIERS <= kept.sum() < len(kept):
                 others = Match(match.markers[kept], match.of_set[kept], match.misfits[kept], match.misfit)
-                end = min(end, search.end(others, LIMB_ANEW), key=_cost)
+                end = search.end(others, LIMB_ANEW, end)
         if end is before:
             break
     return end

@@ -166,7 +166,9 @@ class PostureSearch:
         self._without_partner, self._beside = without_partner, beside
         self._rounds: dict[tuple[bytes, bytes, bool, bool], _Round] = {}
 
-    def end(self, start: Match, rounds: Rounds = PLAIN) -> tuple[Match, float]:
+    def end(
+        self, start: Match, rounds: Rounds = PLAIN, before: tuple[Match, float] | None = None
+    ) -> tuple[Match, float]:
         """Return the best assignment that is found from another one, in the posture of the best fitting markers.
 
         Parameters
@@ -175,6 +177,8 @@ class PostureSearch:
             Where a search by usual distances, or another one of these, ended.
         rounds : Rounds
             Which share of the markers each round is based on.
+        before : tuple of Match and float, optional
+            What another search found: it is returned where this one finds nothing better.
 
         Returns
         -------
@@ -190,6 +194,8 @@ class PostureSearch:
             found = self._once(markers, of_set, part == 1.0, rounds.is_careful and part < 1.0)
             best = min(best, found, key=_cost)
         n_markers = self._take.shape[1]
+        if before is not None and best.cost / n_markers >= before[1]:
+            return before
         own = self._own_misfits(best.markers, best.of_set)
         misfit = float(own.sum()) + self._without_partner * (n_markers - len(best.markers))
         return Match(best.markers, best.of_set, own, misfit / n_markers), best.cost / n_markers
