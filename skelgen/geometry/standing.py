@@ -96,7 +96,7 @@ def fixed_markers(positions: Floats, rate: float, deviation: Floats) -> Bools:
     paths = positions.swapaxes(0, 1)
     are_still = [rest_begins(path, rate) == int(np.argmax(~np.isnan(path[:, 0]))) for path in paths]
     known = np.where(np.isnan(deviation) | np.eye(len(deviation), dtype=np.bool_), np.inf, deviation)
-    noise = np.array([noise_of(path) for path in paths])
+    noise = np.array([noise_of(path) if still else 0.0 for path, still in zip(paths, are_still, strict=True)])
     return np.asarray(np.array(are_still) & (known.min(axis=1) + _ROUNDING > _OWN_NOISE * noise))
 
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from skelgen._kernels import contiguous
 from skelgen._kernels.ball_joint import mean_distances
+from skelgen.geometry.statistics import lengths_of, median_of_known
 from skelgen.model.arrays import Floats
 from skelgen.stages.joints.costs import CHANCE, JointCosts
 from skelgen.stages.joints.pairs import MIN_COMMON, JointGuess
@@ -111,12 +112,11 @@ class _Joints:
 
 def _is_first_between(places: Sequence[Floats], least: float) -> bool:
     """Whether the first of three places is on the line between the others, which are so far apart [mm]."""
-    known = np.isfinite(np.stack(places)).all(axis=(0, 2))
+    shown = np.stack(places)
+    known = np.isfinite(shown).all(axis=(0, 2))
     if known.sum() < MIN_COMMON:
         return False
-    middle, first, second = (place[known] for place in places)
-    ways = [np.linalg.norm(middle - place, axis=1) for place in (first, second)]
-    apart = np.linalg.norm(first - second, axis=1)
-    usual, *parts = (float(np.median(length)) for length in (apart, *ways))
-    is_on_line = bool(np.median(ways[0] + ways[1] - apart) <= ON_LINE * usual)
-    return is_on_line and min(parts) >= INSIDE * usual and usual > least
+    middle, first, second = shown[:, known]
+    apart, *ways = lengths_of(np.stack([first - second, middle - first, middle - second]))
+    usual, longer, *parts = median_of_known(np.stack([apart, ways[0] + ways[1] - apart, *ways], axis=1)).tolist()
+    return bool(longer <= ON_LINE * usual and min(parts) >= INSIDE * usual and usual > least)

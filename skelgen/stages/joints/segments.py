@@ -119,7 +119,7 @@ class Segment:
         """Centroid of the markers in the limb's frame [mm]; undetermined joints are drawn there."""
         return np.asarray(self.shape.points[: self.n_markers].mean(axis=0))
 
-    @property
+    @cached_property
     def middle(self) -> Floats:
         """Where that centroid is in the world [mm], shape (n_frames, 3); NaN without a pose."""
         return np.asarray(self.shape.world_from_limb[:, :3, :3] @ self.centre + self.shape.world_from_limb[:, :3, 3])

@@ -5,6 +5,7 @@ from itertools import combinations
 
 import numpy as np
 
+from skelgen.geometry.statistics import PairDistances
 from skelgen.model import Trajectories
 from skelgen.model.arrays import Floats, Ints, evenly_spread
 from skelgen.progress import counted, listed
@@ -32,7 +33,7 @@ LEAST_MIRRORED = 3
 """Frames; single ones are noise."""
 
 
-def limb_notices(trajectories: Trajectories, limb_of_marker: Ints, frames: Ints) -> Iterator[str]:
+def limb_notices(trajectories: Trajectories, limb_of_marker: Ints, frames: Ints, pairs: PairDistances) -> Iterator[str]:
     """Say what looks wrong.
 
     Parameters
@@ -43,6 +44,8 @@ def limb_notices(trajectories: Trajectories, limb_of_marker: Ints, frames: Ints)
         Limb of each marker, -1 if it is on none.
     frames : ndarray of intp
         Sampled frames to check.
+    pairs : PairDistances
+        From `every_pair`, in these frames.
     """
     names, positions = trajectories.names, trajectories.positions
     n_seen = (~np.isnan(positions[:, :, 0])).sum(axis=0)
@@ -55,7 +58,7 @@ def limb_notices(trajectories: Trajectories, limb_of_marker: Ints, frames: Ints)
     for group in _at_one_place(sampled):
         count = f"they count as {len(group)} markers, but carry the information of one"
         yield f"{listed(names[marker] for marker in group)} are always in one place: {count}"
-    more = contrast(sampled, limb_of_marker)
+    more = contrast(pairs, limb_of_marker)
     if more < STANDS_OUT:
         yield (
             "markers of different limbs keep their distances nearly as well as those of one limb do over the same "

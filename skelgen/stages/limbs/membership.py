@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from skelgen.geometry.statistics import pair_distances
+from skelgen.geometry.statistics import PairDistances, pair_distances
 from skelgen.model import Limbs
 from skelgen.model.arrays import Bools, Floats, Ints, spread_frames
 from skelgen.progress import counted
@@ -66,7 +66,9 @@ BIAS_ALONE, OF_LEAD_ALONE = -1.84, 0.95
 """Of the only marker of a limb."""
 
 
-def memberships(positions: Floats, groups: Ints, constraints: MarkerConstraints, whole: Floats | None = None) -> Floats:
+def memberships(
+    positions: Floats, groups: Ints, constraints: MarkerConstraints, stands_out: float, whole: Floats | None = None
+) -> Floats:
     """Return the probability that each marker is on each limb, shape (n_markers, n_limbs).
 
     What lacks to 1 is the probability that the marker is on none of them.
@@ -79,12 +81,14 @@ def memberships(positions: Floats, groups: Ints, constraints: MarkerConstraints,
         Limb of each marker, numbered without holes.
     constraints : MarkerConstraints
         Which markers share a limb and which do not.
+    stands_out : float
+        The `contrast` of these limbs.
     whole : ndarray, shape (n_take_frames, n_markers, 3), mm, optional
         All frames, if what is worn speaks for limbs.
     """
     is_member = groups[:, np.newaxis] == np.arange(groups.max() + 1)
     suits = limb_odds(positions, is_member, whole)
-    lost = OF_CONTRAST * float(np.clip(1 - contrast(positions, groups) / STANDS_OUT, 0.0, 1.0))
+    lost = OF_CONTRAST * float(np.clip(1 - stands_out / STANDS_OUT, 0.0, 1.0))
     own = own_probability(suits, is_member, lost + OF_BEND * pair_bends(positions, is_member))
     refused = (constraints.apart @ is_member) | is_member
     others = np.where(refused, 0.0, np.exp(suits))  # 1 being a limb of its own
@@ -141,15 +145,26 @@ def limb_odds(positions: Floats, is_member: Bools, whole: Floats | None = None) 
     return np.asarray(odds @ is_member / np.maximum(n_pairs, 1))
 
 
-def contrast(positions: Floats, groups: Ints) -> float:
+def every_pair(positions: Floats) -> PairDistances:
+    """Return the distances of each two markers, in the order of the rows above a diagonal.
+
+    Parameters
+    ----------
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        Sampled frames; NaN where unseen.
+    """
+    return pair_distances(positions, *np.triu_indices(positions.shape[1], 1))
+
+
+def contrast(pairs: PairDistances, groups: Ints) -> float:
     """Return the logarithm of how many times more the distance of two markers varies if they are on different limbs.
 
     That is at equal distances: both count as a power of the distance, fitted to all pairs together.
 
     Parameters
     ----------
-    positions : ndarray, shape (n_frames, n_markers, 3), mm
-        Sampled frames; NaN where unseen.
+    pairs : PairDistances
+        From `every_pair`.
     groups : ndarray of intp, shape (n_markers,)
         Limb of each marker, -1 for none.
 
@@ -159,7 +174,6 @@ def contrast(positions: Floats, groups: Ints) -> float:
         Infinite where too few pairs tell.
     """
     first, second = np.triu_indices(len(groups), 1)
-    pairs = pair_distances(positions, first, second)
     known = pairs.is_known & (groups[first] >= 0) & (groups[second] >= 0)
     within = known & (groups[first] == groups[second])
     if within.sum() < ENOUGH_PAIRS:

@@ -144,15 +144,19 @@ def _with_resting(
             group: tuple(one for one in np.flatnonzero(groups == group).tolist() if one != marker)
             for group in (own, *near)
         }
+        away = {group: movements.distance(marker, mates[group]) for group in mates}
+        nearer = [group for group in near if away[group] < away[own]]
+        if not nearer:
+            continue
         meanwhile = movements.while_seen(marker)
         least = _cost(meanwhile.relative(mates[own], (marker,)), noise) + LEAST_GAIN
         resting = [
             group
-            for group in near
+            for group in nearer
             if _cost(meanwhile.relative(mates[group], (marker,)), noise) <= least
             and _cost(meanwhile.relative(mates[own], mates[group]), noise) < 0
         ]
-        groups[marker] = min((own, *resting), key=lambda group: movements.distance(marker, mates[group]))
+        groups[marker] = min((own, *resting), key=away.__getitem__)
     return groups
 
 
@@ -267,7 +271,9 @@ class _Merger:
 
     def _median_noise(self, clusters: list[Group]) -> float:
         """Median of the clusters' noise [mm^2], weighted by their inner coordinates."""
-        several = [cluster for cluster in clusters if len(cluster) > 1 and self._movements.inner(cluster) is not None]
+        several = [cluster for cluster in clusters if len(cluster) > 1]
+        shown = self._movements.inner_of_each(several)
+        several = [cluster for cluster, spread in zip(several, shown, strict=True) if spread is not None]
         if not several:
             return self._noise
         noises = np.array([self._group_noise(cluster) for cluster in several])

@@ -19,7 +19,7 @@ from skelgen.marker_sets import EVERY_PLACE, worn_markers
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.simulation.people import usual_person
 from skelgen.stages.limbs.postures import square_of_pairs
-from skelgen.stages.limbs.set_matching import LEAST_INLIERS, Match, Rounds, in_posture, matches, misfits_in_posture
+from skelgen.stages.limbs.set_matching import LEAST_INLIERS, Match, PostureSearch, Rounds, matches, misfits_in_posture
 from skelgen.stages.limbs.worn_sets import ARM, LEG, SIDES, sets_of_table
 from skelgen.stages.limbs.worn_shapes import Shape, WornSet
 
@@ -87,16 +87,17 @@ def nearest_places(shape: Shape, sets: Sequence[tuple[Match, WornSet]], by_motio
 @lru_cache(maxsize=4)
 def _nearest(shape: Shape, sets: tuple[tuple[Match, WornSet], ...], motion: bytes) -> tuple[Match, WornSet]:
     """What `nearest_places` returns, found once for the same motion: limbs, names and joints ask for it."""
-    by_motion = np.frombuffer(motion).reshape(shape.distances.shape)
-    found = [_search(shape, start, by_motion) for start in _beginnings(shape, sets)]
-    best, _ = min(found, key=_cost)
+    search = _search(shape, motion)
+    best, _ = min((search.end(start, FROM_SET) for start in _beginnings(shape, sets)), key=_cost)
     left_out = 1.0 - len(best.markers) / len(shape.distances)
     return replace(best, misfit=best.misfit + (LEFT_OUT - AT_NO_PLACE) * left_out), worn_places()
 
 
-def _search(shape: Shape, start: Match, by_motion: Floats, rounds: Rounds = FROM_SET) -> tuple[Match, float]:
-    """Markers at places, and their mean cost, that a search ends with which begins with others."""
-    return in_posture(shape, worn_places(), start, AT_NO_PLACE, partial(_beside_misfits, by_motion), rounds)
+@lru_cache(maxsize=4)
+def _search(shape: Shape, motion: bytes) -> PostureSearch:
+    """The search for markers at places; `motion` holds the log odds of all pairs."""
+    by_motion = np.frombuffer(motion).reshape(shape.distances.shape)
+    return PostureSearch(shape, worn_places(), AT_NO_PLACE, partial(_beside_misfits, by_motion))
 
 
 @lru_cache(maxsize=4)
@@ -106,12 +107,12 @@ def _beginnings(shape: Shape, sets: tuple[tuple[Match, WornSet], ...]) -> tuple[
     Who lacks many markers, or wears what no set has, may be near no set.
     """
     starts = tuple(replace(match, of_set=_places_of(worn)[match.of_set]) for match, worn in sets)
-    silent = np.zeros(shape.distances.shape)
-    best, cost = _led_on(shape, min((_search(shape, start, silent) for start in starts), key=_cost))
+    silent = _search(shape, np.zeros(shape.distances.shape).tobytes())
+    best, cost = _led_on(silent, min((silent.end(start, FROM_SET) for start in starts), key=_cost))
     if cost >= GOOD:
         others = [min(matches(shape, posed, SEARCHES), key=_misfit) for posed in _places_in_postures()]
-        tried = [_search(shape, start, silent) for start in sorted(others, key=_misfit)[:TRIED]]
-        best, cost = _gone_on(shape, sorted([(best, cost), *tried], key=_cost)[:ENDS])
+        tried = [silent.end(start, FROM_SET) for start in sorted(others, key=_misfit)[:TRIED]]
+        best, cost = _gone_on(silent, sorted([(best, cost), *tried], key=_cost)[:ENDS])
     return (*starts, best) if cost < ACCEPTABLE else starts
 
 
@@ -132,37 +133,34 @@ def _cost(end: tuple[Match, float]) -> float:
     return end[1]
 
 
-def _led_on(shape: Shape, found: tuple[Match, float]) -> tuple[Match, float]:
+def _led_on(search: PostureSearch, found: tuple[Match, float]) -> tuple[Match, float]:
     """Where searches end that go on from the end of another, as long as they find better ones."""
-    silent = np.zeros(shape.distances.shape)
     for _ in range(LEADS):
-        after = _search(shape, found[0], silent, LED_ON)
-        if after[1] >= found[1]:
+        before, found = found, search.end(found[0], LED_ON, found)
+        if found is before:
             break
-        found = after
     return found
 
 
-def _gone_on(shape: Shape, ends: Sequence[tuple[Match, float]]) -> tuple[Match, float]:
+def _gone_on(search: PostureSearch, ends: Sequence[tuple[Match, float]]) -> tuple[Match, float]:
     """The best of where searches end that go on from each of some ends, until one is good."""
     found = []
     for end in ends:
-        found.append(_with_limbs_anew(shape, _led_on(shape, end)))
+        found.append(_with_limbs_anew(search, _led_on(search, end)))
         if found[-1][1] < GOOD:
             break
     return min(found, key=_cost)
 
 
-def _with_limbs_anew(shape: Shape, end: tuple[Match, float]) -> tuple[Match, float]:
+def _with_limbs_anew(search: PostureSearch, end: tuple[Match, float]) -> tuple[Match, float]:
     """Where searches end that begin without one arm or leg each, as long as they find better ones."""
-    silent = np.zeros(shape.distances.shape)
     for _ in range(TURNS):
         before = end
         for on_limb in _limbs():
             match, kept = end[0], ~on_limb[end[0].of_set]
             if LEAST_INLIERS <= kept.sum() < len(kept):
                 others = Match(match.markers[kept], match.of_set[kept], match.misfits[kept], match.misfit)
-                end = min(end, _search(shape, others, silent, LIMB_ANEW), key=_cost)
+                end = search.end(others, LIMB_ANEW, end)
         if end is before:
             break
     return end

@@ -79,10 +79,12 @@ class Postures:
     def _weighted(self) -> Singles:
         """The ways, and that of a larger body, whose distances differ alike, weighted, (n_pairs, 2, n_ways + 1)."""
         size = np.broadcast_to(np.array([[1.0], [0.0]], dtype=np.float32), (len(self.ways), 2, 1))
-        return np.concatenate([self.ways, size], axis=2) * self._weights[..., np.newaxis]
+        weighted = np.concatenate([self.ways, size], axis=2) * self._weights[..., np.newaxis]
+        return np.ascontiguousarray(weighted)  # rows are taken often
 
     @cached_property
-    def _prior(self) -> Floats:
+    def prior(self) -> Floats:
+        """Inverse covariance of the ways, and of the size, shape (n_ways + 1, n_ways + 1)."""
         return np.diag([1.0] * self.ways.shape[2] + [SIZE_SPREAD**-2])
 
     def assumed(self, take: Singles, markers: Ints, of_set: Ints) -> Assumed:
@@ -103,15 +105,15 @@ class Postures:
         numbers = numbers_of_pairs(len(self.mean[0]))[pairs]
         away = seen[:, used] - self.mean[:, *pairs]
         off = (away.T * self._weights[numbers]).ravel()
-        ways = self._weighted[numbers].reshape(-1, len(self._prior))
-        posture, information = np.zeros(len(self._prior)), np.zeros_like(self._prior)
+        ways = self._weighted[numbers].reshape(-1, len(self.prior))
+        posture, information = np.zeros(len(self.prior)), np.zeros(self.prior.shape, dtype=np.float32)
         posture[-1] = median_of_known(away[0])
         for _ in range(ROUNDS):
             roots = 1.0 / np.sqrt(1.0 + ((off - ways @ posture.astype(np.float32)) / NEAR) ** 2)
             counted = ways * roots[:, np.newaxis]
             information = counted.T @ counted
-            posture = np.asarray(np.linalg.solve(information + self._prior, (off * roots) @ counted))
-        return Assumed(posture, self, INDEPENDENT * information + self._prior)
+            posture = np.asarray(np.linalg.solve(information + self.prior, (off * roots) @ counted))
+        return Assumed(posture, information, self)
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,16 +124,15 @@ class Assumed:
     ----------
     posture : ndarray, shape (n_ways + 1,)
         How far it is off in each way, and the logarithm of the size.
+    information : ndarray of float32, shape (n_ways + 1, n_ways + 1)
+        What all distances that tell it say of each way, and of the size, were they independent.
     of : Postures
         All postures.
-    precision : ndarray, shape (n_ways + 1, n_ways + 1)
-        Inverse covariance of the ways in which postures differ, and of the size: arms may be anywhere where only legs
-        are known.
     """
 
     posture: Floats
+    information: Singles
     of: Postures
-    precision: Floats
 
     @cached_property
     def _moved(self) -> tuple[Bools, Singles]:
@@ -151,8 +152,11 @@ class Assumed:
 
     @cached_property
     def spread(self) -> Floats:
-        """Standard deviations of both, with what is unknown of the posture, shape (2, n_markers, n_markers)."""
-        covariance = np.linalg.inv(self.precision)[:-1, :-1]
+        """Standard deviations of both, with what is unknown of the posture, shape (2, n_markers, n_markers).
+
+        Arms may be anywhere where only legs are known.
+        """
+        covariance = np.linalg.inv(INDEPENDENT * self.information + self.of.prior)[:-1, :-1]
         root = np.linalg.cholesky(covariance).T
         unknown = square_of_pairs(((self.of.ways @ root.T) ** 2).sum(axis=2).T)
         return np.sqrt(self.of.spread**2 + unknown)

@@ -188,6 +188,12 @@ class Movements:
         """Return the spread of the inner coordinates of two markers or more; None if too few frames show them."""
         return self._found(_Asked(group))
 
+    def inner_of_each(self, groups: Iterable[Group]) -> list[Spread | None]:
+        """Return `inner` of some groups, found at once."""
+        asked = [_Asked(group) for group in groups]
+        self._find(asked)
+        return [self._known[one] for one in asked]
+
     def all_inner(self, groups: list[Group]) -> Iterator[tuple[Ints, Spread]]:
         """Return `inner` of many groups: index arrays of groups with the same number of coordinates, and their spreads.
 
@@ -227,8 +233,7 @@ class Movements:
         noise : float, mm^2
             Variance of the white noise of a coordinate.
         """
-        shown = (self.inner(group) for group in groups)
-        spreads = [spread for spread in shown if spread is not None and spread.radius > 0]
+        spreads = [spread for spread in self.inner_of_each(groups) if spread is not None and spread.radius > 0]
         variances = [float(np.trace(spread.covariance)) / len(spread.covariance) - noise for spread in spreads]
         return [float(np.sqrt(max(one, 0.0)) / spread.radius) for one, spread in zip(variances, spreads, strict=True)]
 

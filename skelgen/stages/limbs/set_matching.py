@@ -10,12 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
 from skelgen._kernels.distance_statistics import misfits_to_set, own_misfits, precision_of
 from skelgen.model.arrays import Floats, Ints, Singles
-from skelgen.stages.limbs.postures import above_diagonal, median_of_known
+from skelgen.stages.limbs.postures import Assumed, above_diagonal, median_of_known
 from skelgen.stages.limbs.worn_shapes import Shape, WornSet
 
 START_WEIGHT = 2.0
@@ -56,7 +58,7 @@ SURE = 0.8
 """Misfit in a posture below which no other reading is looked for."""
 
 Beside = Callable[[Ints, Ints], Floats]
-"""What markers that are matched, and what they are taken for, say beside misfits: see `in_posture`."""
+"""What markers that are matched, and what they are taken for, say beside misfits: see `PostureSearch`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,15 +145,8 @@ def misfits_of(shape: Shape, worn: WornSet, markers: Ints, of_set: Ints) -> Sing
     return misfits_to_set(taken, worn.mean.tables, worn.spread.precision, markers, of_set)
 
 
-def in_posture(
-    shape: Shape,
-    worn: WornSet,
-    match: Match,
-    without_partner: float,
-    beside: Beside | None = None,
-    rounds: Rounds = PLAIN,
-) -> tuple[Match, float]:
-    """Return the assignment that fits best in the posture in which the best fitting markers of another one are.
+class PostureSearch:
+    """Searches for the assignment that fits best in the posture of a person; rounds that repeat are found once.
 
     Parameters
     ----------
@@ -159,47 +154,92 @@ def in_posture(
         Of the take.
     worn : WornSet
         The set.
-    match : Match
-        Where a search by usual distances ended.
     without_partner : float
         Cost of a marker of the take that is none of the set.
     beside : callable, optional
         Says of matched markers and what they are taken for what each marker of the set costs for each of the take
         beside its misfit, shape (n_markers, n_of_set).
-    rounds : Rounds
-        Which share of the markers each round is based on.
-
-    Returns
-    -------
-    match : Match
-        The assignment; the misfit counts markers of the take without a partner.
-    cost : float
-        The mean cost of a marker of the take.
     """
-    n_markers, postures, take = len(shape.distances), worn.postures, shape.tables
-    markers, of_set, misfits = match.markers, match.of_set, match.misfits
-    best, least = (markers, of_set), np.inf
-    for part in rounds.parts:
-        inliers = np.argsort(misfits, kind="stable")[: max(LEAST_INLIERS, round(part * len(misfits)))]
-        markers, of_set = markers[inliers], of_set[inliers]
-        assumed, is_careful = postures.assumed(take, markers, of_set), rounds.is_careful and part < 1.0
+
+    def __init__(self, shape: Shape, worn: WornSet, without_partner: float, beside: Beside | None = None) -> None:
+        self._shape, self._take, self._worn = shape, shape.tables, worn
+        self._without_partner, self._beside = without_partner, beside
+        self._rounds: dict[tuple[bytes, bytes, bool, bool], _Round] = {}
+
+    def end(
+        self, start: Match, rounds: Rounds = PLAIN, before: tuple[Match, float] | None = None
+    ) -> tuple[Match, float]:
+        """Return the best assignment that is found from another one, in the posture of the best fitting markers.
+
+        Parameters
+        ----------
+        start : Match
+            Where a search by usual distances, or another one of these, ended.
+        rounds : Rounds
+            Which share of the markers each round is based on.
+        before : tuple of Match and float, optional
+            What another search found: it is returned where this one finds nothing better.
+
+        Returns
+        -------
+        match : Match
+            The assignment; the misfit counts markers of the take without a partner.
+        cost : float
+            The mean cost of a marker of the take.
+        """
+        found = best = _Round(start.markers, start.of_set, start.misfits, np.inf)
+        for part in rounds.parts:
+            inliers = np.argsort(found.misfits, kind="stable")[: max(LEAST_INLIERS, round(part * len(found.misfits)))]
+            markers, of_set = found.markers[inliers], found.of_set[inliers]
+            found = self._once(markers, of_set, part == 1.0, rounds.is_careful and part < 1.0)
+            best = min(best, found, key=_cost)
+        n_markers = self._take.shape[1]
+        if before is not None and best.cost / n_markers >= before[1]:
+            return before
+        own = self._own_misfits(best.markers, best.of_set)
+        misfit = float(own.sum()) + self._without_partner * (n_markers - len(best.markers))
+        return Match(best.markers, best.of_set, own, misfit / n_markers), best.cost / n_markers
+
+    def _own_misfits(self, markers: Ints, of_set: Ints) -> Floats:
+        mean = _assumed(self._shape, self._worn, markers, of_set).mean(of_set)
+        return own_misfits(self._take, mean, self._worn.postures.precision, markers, of_set)
+
+    def _once(self, markers: Ints, of_set: Ints, is_last: bool, is_careful: bool) -> _Round:
+        """What `_round` returns, kept for other searches that come to the same."""
+        key = markers.tobytes(), of_set.tobytes(), is_last, is_careful
+        if key not in self._rounds:
+            self._rounds[key] = self._round(markers, of_set, is_last, is_careful)
+        return self._rounds[key]
+
+    def _round(self, markers: Ints, of_set: Ints, is_last: bool, is_careful: bool) -> _Round:
+        """The assignment that fits best in the posture of some markers; in the last rounds some may have no partner."""
+        take, postures = self._take, self._worn.postures
+        assumed = _assumed(self._shape, self._worn, markers, of_set)
         precision = precision_of(assumed.spread) if is_careful else postures.precision
         costs: Floats | Singles = misfits_to_set(take, assumed.mean(of_set), precision, markers, of_set)
         costs = costs + _mean_cost(assumed.widening, of_set) if is_careful else costs
-        costs = costs if beside is None else costs + beside(markers, of_set)
-        markers, of_set = _assigned(costs, without_partner if part == 1.0 else np.inf)
+        costs = costs if self._beside is None else costs + self._beside(markers, of_set)
+        markers, of_set = _assigned(costs, self._without_partner if is_last else np.inf)
         misfits = own_misfits(take, assumed.mean(of_set), postures.precision, markers, of_set)
-        besides = 0.0 if beside is None else float(beside(markers, of_set)[markers, of_set].sum())
-        cost = float(misfits.sum()) + besides + without_partner * (n_markers - len(markers))
-        if cost < least:
-            best, least = (markers, of_set), cost
+        besides = 0.0 if self._beside is None else float(self._beside(markers, of_set)[markers, of_set].sum())
+        cost = float(misfits.sum()) + besides + self._without_partner * (take.shape[1] - len(markers))
         if is_careful:
             misfits = own_misfits(take, assumed.mean(of_set), precision, markers, of_set)
             misfits += _mean_cost(assumed.widening, of_set)[of_set]
-    markers, of_set = best
-    own = own_misfits(take, postures.assumed(take, *best).mean(of_set), postures.precision, *best)
-    misfit = float(own.sum()) + without_partner * (n_markers - len(markers))
-    return Match(markers, of_set, own, misfit / n_markers), least / n_markers
+        return _Round(markers, of_set, misfits, cost)
+
+
+class _Round(NamedTuple):
+    """An assignment, the misfits by which the next round chooses among its markers, and the cost of all of the take."""
+
+    markers: Ints
+    of_set: Ints
+    misfits: Floats
+    cost: float
+
+
+def _cost(found: _Round) -> float:
+    return found.cost
 
 
 def _mean_cost(of_pairs: Floats, of_set: Ints) -> Floats:
@@ -226,8 +266,21 @@ def misfits_in_posture(shape: Shape, worn: WornSet, markers: Ints, of_set: Ints)
     shape, worn, markers, of_set
         As for `misfits_of`.
     """
-    mean = worn.postures.assumed(shape.tables, markers, of_set).mean(of_set)
+    mean = _assumed(shape, worn, markers, of_set).mean(of_set)
     return misfits_to_set(shape.tables, mean, worn.postures.precision, markers, of_set)
+
+
+def _assumed(shape: Shape, worn: WornSet, markers: Ints, of_set: Ints) -> Assumed:
+    """What `Postures.assumed` returns, found once for the same markers: searches come to them again."""
+    return Assumed(*_posture(shape, worn, markers.tobytes(), of_set.tobytes()), worn.postures)
+
+
+@lru_cache(maxsize=1024)
+def _posture(shape: Shape, worn: WornSet, markers: bytes, of_set: bytes) -> tuple[Floats, Singles]:
+    """The posture, and what is known of it; without the distances in it, which are many."""
+    pairs = (np.frombuffer(one, dtype=np.intp) for one in (markers, of_set))
+    found = worn.postures.assumed(shape.tables, *pairs)
+    return found.posture, found.information
 
 
 def _outline_misfits(one: Shape, other: Shape) -> Floats:

@@ -13,6 +13,7 @@ import numpy as np
 
 from skelgen.errors import InputError
 from skelgen.geometry.standing import fixed_markers
+from skelgen.geometry.statistics import PairDistances
 from skelgen.model import Limbs, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.progress import SILENT, Monitor, counted
@@ -29,7 +30,7 @@ from skelgen.stages.limbs.bodies import (
 )
 from skelgen.stages.limbs.checks import limb_notices
 from skelgen.stages.limbs.held_bodies import with_held_bodies
-from skelgen.stages.limbs.membership import memberships
+from skelgen.stages.limbs.membership import contrast, every_pair, memberships
 from skelgen.stages.limbs.merging import Distances, majority, rigid_bodies, with_one_fixed
 from skelgen.stages.limbs.parameters import LimbConstraints, LimbParameters, MarkerConstraints
 from skelgen.stages.limbs.relative_motion import Movements
@@ -87,13 +88,12 @@ def find_limbs(
     monitor.begin("limbs")
     named = (constraints or LimbConstraints()).with_parameters(parameters).of_markers(trajectories.names)
     found = _groups(trajectories, parameters, n_limbs, named, seed, monitor)
-    limb_of_marker = found.limb_of_marker
-    about = limb_notices(trajectories, limb_of_marker, found.frames)
-    notices = body_notices(found.body_of_marker[found.usable], found.sure), about
-    for notice in chain(*notices):
+    pairs = every_pair(trajectories.positions[found.frames])
+    about = limb_notices(trajectories, found.limb_of_marker, found.frames, pairs)
+    for notice in chain(body_notices(found.body_of_marker[found.usable], found.sure), about):
         monitor.notice(notice)
     limbs = found.limbs()
-    membership = _memberships(trajectories.positions, found, limbs.body_of_limb, named)
+    membership = _memberships(trajectories.positions, found, limbs.body_of_limb, named, pairs)
     monitor.advance(1, 1)
     return replace(limbs, membership=membership)
 
@@ -171,16 +171,19 @@ def _check_numbers(name: str, n_usable: int, n_limbs: int | None) -> None:
         raise InputError(f"{counted(n_limbs, 'limb')} cannot be made of {n_usable} markers")
 
 
-def _memberships(positions: Floats, found: _Groups, body_of_limb: Ints, named: MarkerConstraints) -> Floats:
+def _memberships(
+    positions: Floats, found: _Groups, body_of_limb: Ints, named: MarkerConstraints, pairs: PairDistances
+) -> Floats:
     """Probability of each limb for each marker, NaN for those on none; limbs of other bodies have none."""
-    membership = np.full((len(found.limb_of_marker), len(body_of_limb)), np.nan)
+    membership = np.where(found.limb_of_marker[:, np.newaxis] >= 0, np.zeros(len(body_of_limb)), np.nan)
     for body in np.unique(body_of_limb).tolist():
         limbs = np.flatnonzero(body_of_limb == body)
-        markers = np.flatnonzero(np.isin(found.limb_of_marker, limbs))
-        membership[markers] = 0.0
+        on_body = np.isin(found.limb_of_marker, limbs)
+        markers, on_limb = np.flatnonzero(on_body), np.where(on_body, found.limb_of_marker, -1)
         own, whole = np.searchsorted(limbs, found.limb_of_marker[markers]), positions[:, markers]
         by_wear = whole if found.by_wear[markers].all() else None
-        membership[np.ix_(markers, limbs)] = memberships(whole[found.frames], own, named.of(markers), by_wear)
+        likely = memberships(whole[found.frames], own, named.of(markers), contrast(pairs, on_limb), by_wear)
+        membership[np.ix_(markers, limbs)] = likely
     return membership
 
 

@@ -21,7 +21,7 @@ import numpy as np
 
 from skelgen.model.arrays import Floats, Ints
 from skelgen.stages.limbs.postures import square_of_pairs
-from skelgen.stages.limbs.set_matching import CAREFUL, PLAIN, SURE, Match, Rounds, in_posture, matches
+from skelgen.stages.limbs.set_matching import CAREFUL, PLAIN, SURE, Match, PostureSearch, Rounds, matches
 from skelgen.stages.limbs.worn_shapes import Shape, WornSet, once_for_frames, shape_of
 
 SIZES = (0.75, 1.33)
@@ -201,6 +201,7 @@ class _Readings:
 
     def __init__(self, shape: Shape) -> None:
         self._shape = shape
+        self._searches: dict[WornSet, PostureSearch] = {}
         self.found: dict[tuple[str, bytes, bytes], tuple[Match, _Part]] = {}
 
     def sorted(self) -> list[tuple[Match, _Part]]:
@@ -226,7 +227,8 @@ class _Readings:
 
     def add(self, part: _Part, start: Match, rounds: Rounds = PLAIN) -> None:
         """Add the one that is found from a start."""
-        match, _ = in_posture(self._shape, part.part, start, OF_NO_SET, None, rounds)
+        search = self._searches.setdefault(part.part, PostureSearch(self._shape, part.part, OF_NO_SET))
+        match, _ = search.end(start, rounds)
         missing = MISSING * (1.0 - len(match.markers) / len(part.taken))
         key = part.worn.name, match.markers.tobytes(), part.taken[match.of_set].tobytes()
         self.found[key] = replace(match, misfit=match.misfit + missing), part
