@@ -172,13 +172,14 @@ def total_information(observed: ObservedChain) -> Floats:
         Where to linearise. Of the measured markers only the weights count.
     """
     table, (columns, order) = observed.table, _columns_of(observed.chain, observed.articulation)
-    total = np.zeros((len(order), len(order)))
+    upper = np.zeros((len(order), len(order)))
     room, none = room_for(table), np.zeros((observed.chain.n_markers, 3, 0))
     for part in observed.in_parts(CHUNK_FRAMES):
         constants = constants_in(columns, room, none)
         add_frames(table, constants, part.measured, rows(part.poses.rotations, 9), room)
-        total[np.ix_(order, order)] += np.triu(constants.total) + np.triu(constants.total, 1).T
-    return total
+        upper += constants.total
+    column = np.argsort(order)
+    return np.asarray((upper + np.triu(upper, 1).T)[np.ix_(column, column)])
 
 
 def frame_information(observed: ObservedChain, basis: Floats, limbs: Ints) -> tuple[Floats, Floats]:
