@@ -21,7 +21,7 @@ import numpy as np
 
 from skelgen.geometry.rotations import cross_matrix
 from skelgen.kinematics.calibration.calibrate import Calibration
-from skelgen.kinematics.chain.articulation import Articulation, across
+from skelgen.kinematics.chain.articulation import Articulation
 from skelgen.kinematics.chain.chain import Chain, ChainPoses, observed
 from skelgen.kinematics.chain.normal_equations import frame_blocks
 from skelgen.kinematics.inverse.poses import LEAST_NOISE
@@ -204,7 +204,7 @@ class LimbErrors:
         rows = self.root[n_places + columns.start : n_places + columns.stop]
         if not len(rows):
             return np.zeros((3, self.root.shape[1]))
-        return np.asarray(across(self.articulation.in_parent[child]) @ rows[:2])
+        return np.asarray(self.articulation.across_axes[child] @ rows[:2])
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,7 @@ from skelgen._kernels.chain_constants import FIRST, LAST, N_TILTS, ORDER, Column
 from skelgen._kernels.information import POSE_RIDGE, FrameInformation, add_frames, write_frames
 from skelgen._kernels.posing import room_for
 from skelgen.geometry.rotations import cross_matrix
-from skelgen.kinematics.chain.articulation import AXIS_CONSTANTS, Articulation, across
+from skelgen.kinematics.chain.articulation import AXIS_CONSTANTS, Articulation
 from skelgen.kinematics.chain.chain import (
     Chain,
     ChainPoses,
@@ -251,11 +251,7 @@ def _columns_of(chain: Chain, articulation: Articulation, n_displacements: int =
     """
     structure = tuple(chain.parents.tolist()), tuple(chain.limb_of_marker.tolist()), tuple(articulation.types)
     limbs, places = _layout(*structure, n_displacements)
-    directions = np.zeros((chain.n_limbs, 2, 3))
-    tilted = limbs[:, N_TILTS] > 0
-    if tilted.any():
-        directions[tilted] = across(articulation.in_parent[tilted]).swapaxes(1, 2)
-    return Columns(limbs, directions.reshape(-1, 3)), places
+    return Columns(limbs, articulation.across_axes.swapaxes(1, 2).reshape(-1, 3)), places
 
 
 @lru_cache(maxsize=8)
