@@ -21,6 +21,7 @@ from functools import cached_property
 import numpy as np
 
 from skelgen.geometry.rotations import nearest_rotation
+from skelgen.kinematics.calibration.uncertainty import Spectrum, scaled_spectrum
 from skelgen.kinematics.chain.articulation import Articulation
 from skelgen.kinematics.chain.chain import Chain, ChainPoses, ObservedChain, observed
 from skelgen.kinematics.chain.normal_equations import constant_gradient, total_information
@@ -85,6 +86,11 @@ class Calibration(ObservedChain):
             return self.known_information
         affordable = int(INFORMATION_WORK / (self.n_constants**2 * (3 + 3 * self.chain.n_limbs)))
         return information_of(self, max(affordable, STEP_FRAMES))
+
+    @cached_property
+    def spectrum(self) -> Spectrum:
+        """Eigenvalues and eigenvectors of the information, see `scaled_spectrum`."""
+        return scaled_spectrum(self.information)
 
 
 def calibrate(

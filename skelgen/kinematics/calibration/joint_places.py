@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from skelgen.geometry.rotations import cross_matrix, nearest_rotation, vector_from_matrix
+from skelgen.geometry.statistics import lengths_of
 from skelgen.kinematics.chain.chain import Chain, ObservedChain
 from skelgen.model.arrays import Floats
 
@@ -99,20 +100,21 @@ class JointPlace:
 def joint_places(fit: ObservedChain) -> list[JointPlace]:
     """Return what is known of each joint between limbs with markers, from all poses of a fit."""
     chain, markers = fit.chain, fit.poses.markers(fit.chain)
-    own = [np.flatnonzero(chain.limb_of_marker == limb) for limb in range(chain.n_limbs)]
+    own = {limb: np.flatnonzero(chain.limb_of_marker == limb) for limb in set(chain.limb_of_marker.tolist())}
+    shown = {limb: markers[:, group] for limb, group in own.items()}
+    middles = {limb: places.mean(axis=1) for limb, places in shown.items()}
     found = []
     for limb in range(1, chain.n_limbs):
-        groups = own[chain.parents[limb]], own[limb]
-        if not all(map(len, groups)):
+        parent = int(chain.parents[limb])
+        if not {parent, limb} <= own.keys():
             continue
-        middles = [markers[:, group].mean(axis=1) for group in groups]
-        distance = max(float(np.linalg.norm(middles[1] - middles[0], axis=1).mean()), 1.0)
+        distance = max(float(lengths_of(middles[limb] - middles[parent]).mean()), 1.0)
         above, below = (
-            int(group[np.linalg.norm(markers[:, group] - other[:, np.newaxis], axis=2).mean(axis=0).argmin()])
-            for group, other in zip(groups, middles[::-1], strict=True)
+            int(own[one][lengths_of(shown[one] - middles[other][:, np.newaxis]).mean(axis=0).argmin()])
+            for one, other in ((parent, limb), (limb, parent))
         )
         in_parent, in_child, turns = _turns(fit, limb)
-        if min(map(len, groups)) == 1:  # what turns is not known
+        if min(len(own[parent]), len(own[limb])) == 1:  # what turns is not known
             turns = np.zeros(3)
         found.append(JointPlace(limb, (above, below), distance, in_parent, in_child, turns))
     return found
@@ -231,10 +233,10 @@ def turns_of_frames(chain: Chain) -> tuple[Floats, Floats]:
     place = places(chain)
     limb_of_place = np.concatenate([chain.limb_of_marker, chain.parents[1:]])
     follow, pulls = np.zeros((len(place), 3, chain.n_limbs, 3)), np.zeros((chain.n_limbs, 3, len(place), 3))
+    follow[np.arange(len(place)), :, limb_of_place] = -cross_matrix(place)
     inertia = np.zeros((chain.n_limbs, 3, 3))
     for limb in range(chain.n_limbs):
         own = np.flatnonzero(limb_of_place == limb)
-        follow[own, :, limb] = -cross_matrix(place[own])
         held = own[own < chain.n_markers]
         n_held = len(held)
         if n_held < ENOUGH_MARKERS:  # then the joints take part, that above at the origin

@@ -21,8 +21,7 @@ import numpy as np
 
 from skelgen.geometry.rotations import cross_matrix
 from skelgen.kinematics.calibration.calibrate import Calibration
-from skelgen.kinematics.calibration.uncertainty import scaled_spectrum
-from skelgen.kinematics.chain.articulation import Articulation, across
+from skelgen.kinematics.chain.articulation import Articulation
 from skelgen.kinematics.chain.chain import Chain, ChainPoses, observed
 from skelgen.kinematics.chain.normal_equations import frame_blocks
 from skelgen.kinematics.inverse.poses import LEAST_NOISE
@@ -205,7 +204,7 @@ class LimbErrors:
         rows = self.root[n_places + columns.start : n_places + columns.stop]
         if not len(rows):
             return np.zeros((3, self.root.shape[1]))
-        return np.asarray(across(self.articulation.in_parent[child]) @ rows[:2])
+        return np.asarray(self.articulation.across_axes[child] @ rows[:2])
 
 
 @dataclass(frozen=True, eq=False)
@@ -287,12 +286,12 @@ def limb_errors(last: Calibration, shifts: HingeShifts, growth: float) -> LimbEr
     growth : float
         How many frames determine as much as one independent frame.
     """
-    chain, articulation, information = last.chain, last.articulation, last.information
+    chain, articulation = last.chain, last.articulation
+    values, vectors, scale, determined = last.spectrum
     deviation = max(last.noise, LEAST_NOISE) * np.sqrt(growth)
     n_places = 3 * (chain.n_markers + chain.n_limbs - 1)
-    sizes = np.ones(len(information))
+    sizes = np.ones(len(scale))
     sizes[:n_places] = max(float((chain.offsets**2).sum(axis=1).mean()), 1.0)
-    values, vectors, scale, determined = scaled_spectrum(information)
     prior = deviation**2 / sizes / scale**2
     clear, free = vectors[:, determined], vectors[:, ~determined]
     level = np.einsum("cq,c,cq->q", clear, prior, clear)

@@ -48,13 +48,17 @@ class FrameCovariances:
     constant_share: Floats
 
 
-def inverse_root(information: Floats) -> Floats:
+Spectrum = tuple[Floats, Floats, Floats, Bools]
+"""Eigenvalues, eigenvectors, scale and what is determined of an information matrix, see `scaled_spectrum`."""
+
+
+def inverse_root(spectrum: Spectrum) -> Floats:
     """Return W with W W^T the inverse of an information matrix where it is determined, shape (n, n_determined)."""
-    values, vectors, scale, determined = scaled_spectrum(information)
+    values, vectors, scale, determined = spectrum
     return np.asarray(vectors[:, determined] / np.sqrt(values[determined]) / scale[:, np.newaxis])
 
 
-def scaled_spectrum(information: Floats) -> tuple[Floats, Floats, Floats, Bools]:
+def scaled_spectrum(information: Floats) -> Spectrum:
     """Return eigenvalues and eigenvectors of an information matrix, its diagonal scaled to 1 where it is not 0.
 
     Returns
@@ -196,7 +200,7 @@ def cramer_rao_bound(truth: ObservedChain, noise: float) -> Bound:
     """
     information = total_information(truth)
     exact = np.where(np.isnan(truth.positions), np.nan, truth.poses.markers(truth.chain))
-    found = frame_covariances(replace(truth, positions=exact), inverse_root(information), noise)
+    found = frame_covariances(replace(truth, positions=exact), inverse_root(scaled_spectrum(information)), noise)
     across = truth.articulation.across_hinges(truth.chain.parents, truth.poses.rotations)
     covariances = across @ found.joints @ across
     distance = expected_distance(covariances)

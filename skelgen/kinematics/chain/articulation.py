@@ -9,6 +9,7 @@ frame: the derivatives of all limbs' rotations by the freedoms of the frame, and
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -52,17 +53,17 @@ class Articulation:
         axes = np.tile([0.0, 0.0, 1.0], (n_limbs, 1))
         return cls(("ball",) * n_limbs, axes, axes, np.zeros(n_limbs))
 
-    @property
+    @cached_property
     def is_free(self) -> bool:
         """Whether every limb rotates freely."""
         return all(FREEDOMS[kind] == 3 for kind in self.types)
 
-    @property
+    @cached_property
     def columns(self) -> list[slice]:
         """Freedoms of each limb's rotation; the root's translation comes first."""
         return _slices([FREEDOMS[kind] for kind in self.types], 3)
 
-    @property
+    @cached_property
     def constant_columns(self) -> list[slice]:
         """Constants of the axis above each limb."""
         return _slices([AXIS_CONSTANTS[kind] for kind in self.types], 0)
@@ -76,6 +77,11 @@ class Articulation:
     def n_constants(self) -> int:
         """Constants of all axes."""
         return int(self.constant_columns[-1].stop)
+
+    @cached_property
+    def across_axes(self) -> Floats:
+        """Two unit vectors across each axis in the parent, as columns, shape (n_limbs, 3, 2): axes tilt about them."""
+        return np.asarray(np.linalg.svd(self.in_parent[:, np.newaxis])[2][:, 1:].swapaxes(1, 2))
 
     def bases(self, parents: Ints, rotations: Floats) -> tuple[Floats, Floats]:
         """Return the derivatives of translation and rotations by the freedoms and by the constants of the axes.
@@ -120,7 +126,7 @@ class Articulation:
             World from parent, and from the limb itself.
         """
         first = parent @ self.in_parent[limb]
-        tilt = parent @ across(self.in_parent[limb])
+        tilt = parent @ self.across_axes[limb]
         if self.types[limb] == "hinge":
             return first[:, :, np.newaxis], tilt
         if self.types[limb] == "rigid":
@@ -156,7 +162,7 @@ class Articulation:
                 # Axes that pass each other are as far apart again on the other side: angles have no sign
                 between[limb] = abs(np.remainder(between[limb] + tilt[2] + np.pi, 2 * np.pi) - np.pi)
             if kind != "rigid":
-                turn = matrix_from_vector(across(axis) @ tilt[:2])
+                turn = matrix_from_vector(self.across_axes[limb] @ tilt[:2])
                 axes[limb] = turn @ axis
                 relative = turn @ relative
             new[:, limb] = new[:, parent] @ relative
@@ -264,11 +270,6 @@ class Articulation:
 def _slices(sizes: list[int], first: int) -> list[slice]:
     ends = first + np.cumsum(sizes)
     return [slice(int(end) - size, int(end)) for size, end in zip(sizes, ends, strict=True)]
-
-
-def across(axis: Floats) -> Floats:
-    """Return two unit vectors across each axis, as columns, shape (..., 3, 2) from (..., 3)."""
-    return np.asarray(np.linalg.svd(axis[..., np.newaxis, :])[2][..., 1:, :].swapaxes(-1, -2))
 
 
 def _unit(vectors: Floats) -> Floats:

@@ -15,7 +15,7 @@ from skelgen._kernels.chain_constants import FIRST, LAST, N_TILTS, ORDER, Column
 from skelgen._kernels.information import POSE_RIDGE, FrameInformation, add_frames, write_frames
 from skelgen._kernels.posing import room_for
 from skelgen.geometry.rotations import cross_matrix
-from skelgen.kinematics.chain.articulation import AXIS_CONSTANTS, Articulation, across
+from skelgen.kinematics.chain.articulation import AXIS_CONSTANTS, Articulation
 from skelgen.kinematics.chain.chain import (
     Chain,
     ChainPoses,
@@ -172,13 +172,14 @@ def total_information(observed: ObservedChain) -> Floats:
         Where to linearise. Of the measured markers only the weights count.
     """
     table, (columns, order) = observed.table, _columns_of(observed.chain, observed.articulation)
-    total = np.zeros((len(order), len(order)))
+    upper = np.zeros((len(order), len(order)))
     room, none = room_for(table), np.zeros((observed.chain.n_markers, 3, 0))
     for part in observed.in_parts(CHUNK_FRAMES):
         constants = constants_in(columns, room, none)
         add_frames(table, constants, part.measured, rows(part.poses.rotations, 9), room)
-        total[np.ix_(order, order)] += np.triu(constants.total) + np.triu(constants.total, 1).T
-    return total
+        upper += constants.total
+    column = np.argsort(order)
+    return np.asarray((upper + np.triu(upper, 1).T)[np.ix_(column, column)])
 
 
 def frame_information(observed: ObservedChain, basis: Floats, limbs: Ints) -> tuple[Floats, Floats]:
@@ -250,11 +251,7 @@ def _columns_of(chain: Chain, articulation: Articulation, n_displacements: int =
     """
     structure = tuple(chain.parents.tolist()), tuple(chain.limb_of_marker.tolist()), tuple(articulation.types)
     limbs, places = _layout(*structure, n_displacements)
-    directions = np.zeros((chain.n_limbs, 2, 3))
-    tilted = limbs[:, N_TILTS] > 0
-    if tilted.any():
-        directions[tilted] = across(articulation.in_parent[tilted]).swapaxes(1, 2)
-    return Columns(limbs, directions.reshape(-1, 3)), places
+    return Columns(limbs, articulation.across_axes.swapaxes(1, 2).reshape(-1, 3)), places
 
 
 @lru_cache(maxsize=8)

@@ -158,7 +158,7 @@ def gauss_newton(
             if trial_linear.squares <= linear.squares:
                 break
         else:
-            break
+            return Minimum(state, linear.squares, solution)
         gain = linear.squares - trial_linear.squares
         state, linear = trial, trial_linear
         if gain <= least_gain * linear.squares:

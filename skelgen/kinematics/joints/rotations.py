@@ -141,7 +141,9 @@ class ConstrainedRotation:
         """
         if self.n_angles == 0:
             return replace(self, in_parent=matrix_from_vector(constants) @ self.in_parent)
-        in_parent, in_child = _tilted(self.in_parent, constants[:2]), _tilted(self.in_child, constants[2:4])
+        tilts = np.zeros((2, 3))
+        tilts[:, :2] = constants[:4].reshape(2, 2)
+        in_parent, in_child = np.stack([self.in_parent, self.in_child]) @ matrix_from_vector(tilts)
         return ConstrainedRotation(in_parent, in_child, self.between + float(constants[4:].sum()), self.angles + angles)
 
 
@@ -180,7 +182,3 @@ def axis_covariance(rotation: JointRotation, covariance: Floats) -> Floats:
         moves[3 * row : 3 * row + 3, 2 * row] = -frame[:, 1]
         moves[3 * row : 3 * row + 3, 2 * row + 1] = frame[:, 0]
     return np.asarray(moves @ covariance[:4, :4] @ moves.T)
-
-
-def _tilted(frame: Floats, tilt: Floats) -> Floats:
-    return np.asarray(frame @ matrix_from_vector(np.array([tilt[0], tilt[1], 0.0])))

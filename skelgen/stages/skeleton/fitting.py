@@ -17,7 +17,7 @@ from skelgen.kinematics.calibration.joint_prior import wants_joint_prior, with_j
 from skelgen.kinematics.calibration.known_body import KnownBody, joints_of_limbs, known_limbs
 from skelgen.kinematics.calibration.limb_errors import LimbErrors
 from skelgen.kinematics.chain.articulation import Articulation
-from skelgen.kinematics.chain.chain import Chain, ChainPoses, observed, residuals
+from skelgen.kinematics.chain.chain import Chain, ChainPoses, observed
 from skelgen.kinematics.inverse.root_outward import pose_outward
 from skelgen.kinematics.joints.joint_type import JointType, TypeLimits
 from skelgen.kinematics.soft_tissue.fit import calibrate_soft_tissue, fit_soft_tissue
@@ -140,7 +140,7 @@ def fit_body(body: BodyOfTake, parameters: SkeletonParameters, loops: Ints, are_
         closed = None if closed is None else closed.shifted(types, shifts)
         held = ConstrainedChain(chain, last.articulation, None if closed is None else closed.joints)
         poses = held.fit_in_time(poses, found.inliers, seen)
-    errors = body_joints.errors_of_limbs(last, types, shifts, freedom, found.correlated)
+    errors = found.errors or body_joints.errors_of_limbs(last, types, shifts, freedom, found.correlated)
     if closed is not None and isinstance(last, ClosedCalibration):
         closed = closed.with_errors(errors, last, last.noise * np.sqrt(found.correlated))
     shared = evenly_spread(found.used, ROTATION_FRAMES)
@@ -191,6 +191,8 @@ class _Fit:
         Loops that were closed.
     tissue : SoftTissue, optional
         The slides.
+    errors : LimbErrors, optional
+        Errors of the last fit where no hinge is moved along its axis, if they are known.
     n_open : ndarray of intp, shape (n_limbs,), optional
         As in `FittedBody`.
     by_marker_set : tuple of int
@@ -205,6 +207,7 @@ class _Fit:
     correlated: float
     loops: ClosedLoops | None = None
     tissue: SoftTissue | None = None
+    errors: LimbErrors | None = None
     n_open: Ints | None = None
     by_marker_set: tuple[int, ...] = ()
 
@@ -231,9 +234,10 @@ def _fitted_chain(
         found, astray = _within_reach(found, astray, worn=worn, segments=segments)
         last = found.last
         placed = joints_of_limbs(last.chain, known_limbs(last.chain, worn)) if worn is not None else set()
-        alone = replace(last, known_information=by_motion)
-        n_open, by_set = body_joints.places_left_open((alone, last), found.types, found.correlated, astray, placed)
-        found = replace(found, n_open=n_open, by_marker_set=by_set)
+        still, fits = np.zeros(last.chain.n_limbs), (replace(last, known_information=by_motion), last)
+        alone, errors = (body_joints.errors_of_limbs(fit, found.types, {}, still, found.correlated) for fit in fits)
+        n_open, by_set = body_joints.places_left_open((alone, errors), found.types, astray, placed)
+        found = replace(found, errors=errors, n_open=n_open, by_marker_set=by_set)
     return fitter.closed(found, loops), seen, lasts
 
 
@@ -304,7 +308,7 @@ class _Fitter:
         poses = held.fit(poses, found.inliers - with_tissue.tissue.displacements(held.chain, poses))
         refined = calibrate_soft_tissue(with_tissue, poses[used], found.inliers[used])
         last = refined.calibration
-        if not _squares(last) + refined.cost < _squares(found.last):
+        if not last.squares + refined.cost < found.last.squares:
             return found
         poses = ConstrainedChain(last.chain, last.articulation).projected(poses)
         inliers = found.inliers - refined.tissue.displacements(last.chain, poses)
@@ -319,7 +323,7 @@ class _Fitter:
         last, poses, closed = closed_body(found.last, found.poses, found.used, loops, are_stated)
         types = body_joints.with_axes(found.types, last.articulation)
         correlated = body_joints.correlation_time(last, found.inliers[found.used])
-        return replace(found, last=last, types=types, poses=poses, correlated=correlated, loops=closed)
+        return replace(found, last=last, types=types, poses=poses, correlated=correlated, loops=closed, errors=None)
 
     def _inliers(self, fit: Calibration) -> Floats:
         """Positions of the fit's frames without outliers; its own if there are none."""
@@ -380,11 +384,6 @@ def _rotation_between(now: ChainPoses, before: ChainPoses) -> Floats:
     """Rotation of each limb's frame between two fits of the same frames, now from before, shape (n_limbs, 3, 3)."""
     after, earlier = (one.rotations.swapaxes(0, 1).reshape(one.rotations.shape[1], -1, 3) for one in (now, before))
     return nearest_rotation(after.swapaxes(1, 2) @ earlier)  # sums over frames
-
-
-def _squares(fit: Calibration) -> float:
-    """Sum of the squared residuals [mm^2] of the frames of a fit."""
-    return float((residuals(fit.chain, fit.poses, fit.positions) ** 2).sum())
 
 
 def _in_other_frames(types: list[JointType], parents: Ints, rotation: Floats) -> list[JointType]:

@@ -254,22 +254,16 @@ def errors_of_limbs(
 
 
 def places_left_open(
-    fits: tuple[Calibration, Calibration],
-    types: list[JointType],
-    correlation_time: float,
-    astray: Sequence[int],
-    placed: set[int],
+    errors: tuple[LimbErrors, LimbErrors], types: list[JointType], astray: Sequence[int], placed: set[int]
 ) -> tuple[Ints, tuple[int, ...]]:
     """Find in how many directions motion alone leaves each joint open, and which joints the marker set places instead.
 
     Parameters
     ----------
-    fits : tuple of Calibration
-        The fit with the information of the motion alone, and with what is known of joints.
+    errors : tuple of LimbErrors
+        Of a fit with the information of the motion alone, and with what is known of joints.
     types : list of JointType
         Of the joints above limbs 1, 2, ...
-    correlation_time : float
-        Frames of residuals that are worth one independent frame.
     astray : sequence of int
         Limbs below joints that motion places out of reach: it tells no direction but a hinge's axis.
     placed : set of int
@@ -280,7 +274,7 @@ def places_left_open(
     tuple of ndarray of intp, shape (n_limbs,), and tuple of int
         Directions; of joints that the marker set places, those that it leaves open. The limbs below these joints.
     """
-    n_open, n_left = (_directions_left_open(fit, types, correlation_time) for fit in fits)
+    n_open, n_left = (_directions_left_open(one, types) for one in errors)
     along = np.array([0] + [int(kind.kind == "hinge") for kind in types])
     helped = set(np.flatnonzero((n_open > along) & (n_left <= along)).tolist())
     by_set = sorted(placed & helped.union(astray))
@@ -289,14 +283,14 @@ def places_left_open(
     return n_open, tuple(by_set)
 
 
-def _directions_left_open(fit: Calibration, types: list[JointType], correlation_time: float) -> Ints:
-    """In how many directions a fit leaves the joint above each limb open, shape (n_limbs,)."""
-    errors = errors_of_limbs(fit, types, {}, np.zeros(fit.chain.n_limbs), correlation_time)
-    n_open = np.zeros(fit.chain.n_limbs, dtype=np.intp)
+def _directions_left_open(errors: LimbErrors, types: list[JointType]) -> Ints:
+    """In how many directions errors leave the joint above each limb open, shape (n_limbs,)."""
+    chain = errors.chain
+    n_open = np.zeros(chain.n_limbs, dtype=np.intp)
     for limb, kind in enumerate(types, start=1):
-        root = errors.joint(limb, int(fit.chain.parents[limb]))
+        root = errors.joint(limb, int(chain.parents[limb]))
         axis = kind.axis_in_parent if kind.kind == "hinge" else None
-        n_open[limb] = open_directions(root @ root.T, limb_size(fit.chain, limb), axis)
+        n_open[limb] = open_directions(root @ root.T, limb_size(chain, limb), axis)
     return n_open
 
 
@@ -389,6 +383,6 @@ def joint_deviations(
 def _shared(last: Calibration, everywhere: ObservedChain) -> Floats:
     """Covariances of the skeleton's part in the parents' axes, shape (n_limbs, 3, 3), mm^2."""
     some = everywhere.at(spread_frames(everywhere.n_frames, SHARED_FRAMES))
-    found = frame_covariances(some, inverse_root(last.information), last.noise)
+    found = frame_covariances(some, inverse_root(last.spectrum), last.noise)
     turn = some.poses.rotations[:, np.maximum(some.chain.parents, 0)]
     return np.asarray((turn.swapaxes(2, 3) @ found.constant_share @ turn).mean(axis=0))

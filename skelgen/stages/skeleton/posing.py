@@ -16,7 +16,7 @@ from functools import partial
 import numpy as np
 
 from skelgen.geometry.rotations import fill_rotations
-from skelgen.geometry.statistics import SIGMA_OF_MEDIAN, median_of_known
+from skelgen.geometry.statistics import SIGMA_OF_MEDIAN, lengths_of, median_of_known
 from skelgen.kinematics.chain.articulation import Articulation
 from skelgen.kinematics.chain.chain import Chain, ChainPoses, observed, residuals, seen_weights
 from skelgen.kinematics.inverse.loop_closure import KinematicLoops, fit_closed_poses
@@ -188,7 +188,7 @@ def out_of_line(held: ConstrainedChain, poses: ChainPoses, positions: Floats, fa
 
 
 def _distances(chain: Chain, poses: ChainPoses, positions: Floats) -> Floats:
-    return np.asarray(np.linalg.norm(residuals(chain, poses, positions), axis=2))
+    return lengths_of(residuals(chain, poses, positions))
 
 
 def _out_of_reach(chain: Chain, poses: ChainPoses, fixed: Bools, positions: Floats, factor: float) -> Bools:
@@ -196,7 +196,7 @@ def _out_of_reach(chain: Chain, poses: ChainPoses, fixed: Bools, positions: Floa
     limb = chain.limb_of_marker
     origins = poses.origins(chain)[:, limb]
     radius = np.linalg.norm(chain.offsets, axis=1)
-    off_sphere = np.abs(np.linalg.norm(positions - origins, axis=2) - radius)
+    off_sphere = np.abs(lengths_of(positions - origins) - radius)
     counts = _parents_fixed(chain, fixed)[:, limb] & (chain.parents[limb] >= 0)
     return _beyond(off_sphere, counts, factor, _least_outlier(chain))
 
@@ -207,7 +207,7 @@ def _out_of_place(chain: Chain, poses: ChainPoses, fixed: Bools, positions: Floa
     One wrong position draws the limb off the others: they are compared when it is gone.
     """
     limb = chain.limb_of_marker
-    off_place = np.linalg.norm(positions - poses.markers(chain), axis=2)
+    off_place = lengths_of(positions - poses.markers(chain))
     counts = (_parents_fixed(chain, fixed) & fixed)[:, limb]
     far = _beyond(off_place, counts, factor, _least_outlier(chain))
     known = np.where(np.isnan(off_place), -np.inf, off_place)
