@@ -31,9 +31,9 @@ Every name is checked: what is unknown, missing or twice there is refused with f
 """
 
 from collections.abc import Iterator
+from html import escape
 from pathlib import Path
 from typing import Any
-from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
 
@@ -71,7 +71,7 @@ from skelgen_formats.capture_elements import (
     numbers_of_attribute,
     whole_of,
 )
-from skelgen_formats.xml_text import closest_first, number_text, read_root, write_lines
+from skelgen_formats.xml_text import closest_first, number_text, quoted, read_root, write_lines
 
 __all__ = ["read_any_settings", "read_settings", "write_settings"]
 
@@ -227,7 +227,7 @@ def write_settings(settings: CaptureSettings | RoomSettings, path: Path | str) -
 def _inside(settings: CaptureSettings | RoomSettings) -> Iterator[str]:
     yield f"  <!-- {_COMMENT} -->"
     if settings.source:
-        yield f"  <source>{escape(settings.source)}</source>"
+        yield f"  <source>{escape(settings.source, quote=False)}</source>"
     yield f'  <rig noise="{float(settings.rig.noise)!r}">'
     if isinstance(settings, CaptureSettings):
         yield from _camera_lines(LEFT, settings.rig.left)
@@ -242,17 +242,17 @@ def _inside(settings: CaptureSettings | RoomSettings) -> Iterator[str]:
         if parameters:
             yield f"  <{tag}>"
             for name, value in parameters.items():
-                yield f"    <parameter name={quoteattr(name)} value={quoteattr(_parameter(value))}/>"
+                yield f"    <parameter name={quoted(name)} value={quoted(_parameter(value))}/>"
             yield f"  </{tag}>"
     for body in settings.bodies:
         noise = f' noise="{float(body.noise)!r}"' if body.noise else ""
-        yield f"  <body name={quoteattr(body.name)}{noise}>"
+        yield f"  <body name={quoted(body.name)}{noise}>"
         for point, std in zip(body.points, np.asarray(body.std), strict=True):
             yield f'    <point std="{number_text(std)}">{number_text(point)}</point>'
         yield "  </body>"
     for joint in settings.joints:
-        ends = f"parent={quoteattr(joint.parent)} child={quoteattr(joint.child)}"
-        yield f'  <joint name={quoteattr(joint.name)} kind="{joint.kind}" {ends}>'
+        ends = f"parent={quoted(joint.parent)} child={quoted(joint.child)}"
+        yield f'  <joint name={quoted(joint.name)} kind="{joint.kind}" {ends}>'
         for side, tag in enumerate(("parent_from_joint", "child_from_joint")):
             std = f' std="{number_text(joint.std[side])}" axis_std="{float(joint.axis_std[side])!r}"'
             yield from _matrix("    ", tag, std, getattr(joint, tag))
@@ -268,7 +268,7 @@ def _parameter(value: ParameterValue) -> str:
 
 
 def _camera_lines(side: str, camera: Camera, std: Floats | None = None) -> Iterator[str]:
-    yield f'    <{side} name={quoteattr(camera.name)} width="{camera.width}" height="{camera.height}">'
+    yield f'    <{side} name={quoted(camera.name)} width="{camera.width}" height="{camera.height}">'
     yield from _matrix("      ", "matrix", "", camera.matrix)
     yield f"      <distortion>{number_text(camera.distortion)}</distortion>"
     yield from _matrix("      ", "camera_from_world", "", camera.camera_from_world)

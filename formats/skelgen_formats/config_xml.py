@@ -13,11 +13,10 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
-from xml.sax.saxutils import quoteattr
 
 from skelgen.errors import ParameterError
 from skelgen.parameters import Declaration, StageParameters
-from skelgen_formats.xml_text import closest_first, read_root, write_lines
+from skelgen_formats.xml_text import closest_first, quoted, read_root, write_lines
 
 ROOT = "Parameters"
 
@@ -145,7 +144,7 @@ def _group_lines(group: _Group, indent: str) -> Iterator[str]:
     for name, (stage, declaration) in group.parameters.items():
         type_, text = _written(declaration, getattr(stage, declaration.name))
         yield f"{indent}<!-- {_comment(declaration)} -->"
-        yield f'{indent}<{name} value={quoteattr(text)} type="{type_}"/>'
+        yield f'{indent}<{name} value={quoted(text)} type="{type_}"/>'
     for name, inner in group.groups.items():
         yield f"{indent}<{name}>"
         yield from _group_lines(inner, indent + _INDENT)

@@ -53,6 +53,13 @@ def read_root(path: Path, root_name: str, file_name: str, largest: int) -> Any:
     return root
 
 
+def quoted(text: str) -> str:
+    """Return a text as the value of an attribute, in quotes."""
+    from xml.sax.saxutils import quoteattr  # noqa: PLC0415 - loads urllib, which takes 30 ms
+
+    return quoteattr(text)
+
+
 def write_lines(path: Path, lines: Iterable[str]) -> None:
     """Write the lines of an XML document, its declaration before them, replacing the file as a whole.
 

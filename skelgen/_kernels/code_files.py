@@ -38,7 +38,7 @@ def cache_class(sources_digest: Callable[[], str]) -> Any:
 
     folders = (caching.UserProvidedCacheLocator, caching.InTreeCacheLocator, caching.UserWideCacheLocator)
     locators = [type(folder.__name__, (AllSources, folder), {}) for folder in folders]
-    implementation = type("Implementation", (caching.CompileResultCacheImpl,), {"_locator_classes": locators})
+    implementation = type("Implementation", (_contents_class(),), {"_locator_classes": locators})
     files_base: Any = caching.IndexDataCacheFile  # numba gives these no types
     cache_base: Any = caching.FunctionCache
 
@@ -82,6 +82,65 @@ def cache_class(sources_digest: Callable[[], str]) -> Any:
                 return self._load_overload(signature, target_context)
 
     return Cache
+
+
+@cache
+def _contents_class() -> Any:
+    """Return what a file holds: machine code, and bitcode by which other kernels that are compiled link to it.
+
+    numba would read the bitcode at once, and make the environments of all functions that are part of the kernel, with
+    the modules that define them: only what prints or words an error within compiled code looks into these.
+    """
+    from llvmlite import binding  # type: ignore[import-untyped]  # noqa: PLC0415 - half a second with numba
+    from numba.core import caching, codegen, compiler  # noqa: PLC0415 - half a second
+
+    contents_base: Any = caching.CompileResultCacheImpl  # numba gives these no types
+    library_base: Any = codegen.JITCodeLibrary
+    result_of: Any = compiler.compile_result
+
+    class KeptLibrary(library_base):  # type: ignore[misc]
+        def __init__(self, codegen: Any, name: str, code: bytes, bitcode: bytes) -> None:
+            super().__init__(codegen, name)
+            self.enable_object_caching()
+            self._set_compiled_object(code)
+            self._finalize_final_module()
+            self.bitcode = bitcode
+            self.module_for_linking: Any = None
+
+        def get_pointer_to_function(self, name: str) -> int:
+            return int(self.codegen._engine.get_function_address(name))
+
+        def _get_module_for_linking(self) -> Any:
+            if self.module_for_linking is None:
+                self.module_for_linking = binding.parse_bitcode(self.bitcode)
+            return self.module_for_linking
+
+    class Contents(contents_base):  # type: ignore[misc]
+        def reduce(self, result: Any) -> Any:
+            (name, _, codes), *others, _ = result._reduce()
+            return (name, *codes), *others
+
+        def rebuild(self, target_context: Any, payload: Any) -> Any:
+            kept, description, environment, signature, is_object_mode, lifted, annotation, starters = payload
+            for start in starters:
+                start()
+            library = KeptLibrary(target_context.codegen(), *kept)
+            return result_of(
+                typing_context=target_context.typing_context,
+                target_context=target_context,
+                entry_point=target_context.get_executable(library, description, environment),
+                library=library,
+                fndesc=description,
+                environment=environment,
+                signature=signature,
+                objectmode=is_object_mode,
+                lifted=lifted,
+                type_annotation=annotation,
+                reload_init=starters,
+                referenced_envs=(),
+            )
+
+    return Contents
 
 
 def _digest(text: str) -> str:

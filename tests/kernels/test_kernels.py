@@ -35,6 +35,17 @@ from skelgen._kernels import array_kernel
 def scaled(value):
     return np.full(2, value)
 """
+TWO_KERNELS = """
+from skelgen._kernels import kernel
+
+@kernel
+def scaled(value):
+    return value * 2.0
+
+@kernel
+def scaled_twice(value):
+    return scaled(scaled(value))
+"""
 RUN = """
 from skelgen._kernels import announce_compiling
 from skelgen._kernels.subject import scaled
@@ -109,12 +120,14 @@ def test_damaged_machine_code_is_compiled_anew(package):
 
 
 @needs_compiler
-def test_machine_code_is_used_without_reading_the_compilers_rules(package):
+@pytest.mark.parametrize(("subject", "result"), [(SUBJECT, "6.0"), (MAKES_ARRAYS, "[3. 3.]")])
+def test_machine_code_is_used_without_reading_the_compilers_rules(package, subject, result):
+    (package / "_kernels" / "subject.py").write_text(subject)
     code = RUN + "import sys\nprint(*{'numba.np.arrayobj', 'skelgen._kernels.lowering'} & set(sys.modules))\n"
     first, second = run(package, code), run(package, code)
-    assert first.startswith("6.0 scaled\n")
+    assert first.startswith(f"{result} scaled\n")
     assert "arrayobj" in first
-    assert second == "6.0"
+    assert second == result
 
 
 @needs_compiler
@@ -122,6 +135,15 @@ def test_machine_code_that_makes_arrays_is_used_where_nothing_is_compiled(packag
     (package / "_kernels" / "subject.py").write_text(MAKES_ARRAYS)
     assert run(package) == "[3. 3.] scaled"
     assert run(package) == "[3. 3.]"
+
+
+@needs_compiler
+def test_a_kernel_that_is_compiled_calls_one_whose_machine_code_was_kept(package):
+    (package / "_kernels" / "subject.py").write_text(TWO_KERNELS)
+    assert run(package) == "6.0 scaled"
+    both = RUN.replace("import scaled", "import scaled, scaled_twice").replace("print(", "print(scaled_twice(3.0), ")
+    assert run(package, both) == "12.0 6.0 scaled_twice"
+    assert run(package, both) == "12.0 6.0"
 
 
 @needs_compiler

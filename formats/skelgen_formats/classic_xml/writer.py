@@ -11,7 +11,6 @@ import re
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
@@ -23,6 +22,7 @@ from skelgen.progress import Monitor, with_progress
 from skelgen_formats.bones import bone_transforms, xyzw_from_matrix
 from skelgen_formats.classic_xml.contents import JointStats, MarkerDistance
 from skelgen_formats.options import Options, Writable, finished_project
+from skelgen_formats.xml_text import quoted
 
 ROOT = "MotionCapture"
 TITLE = "Skeleton and motion, XML"
@@ -126,7 +126,7 @@ def _header(project: Project, path: Path, detail: str) -> str:
 def _quoted(text: str, path: Path) -> str:
     if _NOT_XML.search(text):
         raise WriteError(f"{path}: the name {text!r} holds a character that XML forbids; rename it first")
-    return quoteattr(text)
+    return quoted(text)
 
 
 def _stats(project: Project) -> Iterator[str]:

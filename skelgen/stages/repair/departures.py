@@ -4,6 +4,7 @@ Mates of a marker are those to which its distances are steadiest, on its limb or
 """
 
 from collections.abc import Iterator
+from functools import lru_cache
 
 import numpy as np
 
@@ -60,10 +61,23 @@ def departures(positions: Floats) -> Iterator[tuple[Ints, Floats]]:
 
 
 def trimmed_deviations(positions: Floats) -> Floats:
-    """Return the standard deviations of the densest three quarters of all distances, shape (n_markers, n_markers)."""
-    n_markers = positions.shape[1]
+    """Return the standard deviations of the densest three quarters of all distances, shape (n_markers, n_markers).
+
+    Parameters
+    ----------
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        NaN where unseen.
+    """
+    shown = positions[spread_frames(len(positions), GROUPING_FRAMES)]
+    return _deviations_of(shown.tobytes(), shown.shape).copy()
+
+
+@lru_cache(maxsize=1)
+def _deviations_of(shown: bytes, shape: tuple[int, ...]) -> Floats:
+    """The same of these frames, which most repairs leave as they are for the next one."""
+    positions, n_markers = np.frombuffer(shown).reshape(shape), shape[1]
     first, second = np.triu_indices(n_markers, 1)
-    values = np.sort(pair_lengths(positions[spread_frames(len(positions), GROUPING_FRAMES)], first, second), axis=1)
+    values = np.sort(pair_lengths(positions, first, second), axis=1)
     count = (~np.isnan(values)).sum(axis=1)
     kept = np.maximum((KEPT_PART * count).astype(np.intp), 1)
     starts = (np.linspace(0, 1, STARTS)[:, np.newaxis] * np.maximum(count - kept, 0)).astype(np.intp)

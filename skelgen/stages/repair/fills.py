@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from skelgen.geometry.statistics import median_of_known
 from skelgen.model import Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints, runs_of
 from skelgen.model.labelling import Finding
@@ -120,8 +121,10 @@ def _filled(positions: Floats, marker: int, rounding: float) -> Bools:
         if usual < CLEARLY * limit or between.sum() > BETWEEN * known.sum():
             continue
         for first, stop in runs_of(vanish):
+            if stop - first < LEAST_RUN:
+                continue
             at_most = CLEARLY * max(float(sizes[first:stop].max()), rounded)
-            is_sharp = stop - first >= LEAST_RUN and not (sizes[[first - 1, stop % len(sizes)]] <= at_most).any()
+            is_sharp = not (sizes[[first - 1, stop % len(sizes)]] <= at_most).any()
             if is_sharp and _is_alone(positions[first : stop + order], order, at_most):
                 end = stop + order - (order != HELD and stop < len(sizes))  # what is held jumps to what is seen again
                 filled[first + (first > 0) : end] = True
@@ -130,8 +133,8 @@ def _filled(positions: Floats, marker: int, rounding: float) -> Bools:
 
 def _is_alone(positions: Floats, order: int, limit: float) -> bool:
     """Whether most markers move on while one does as curves do."""
-    sizes = _differences(positions, order)
-    return bool(np.nanmedian(sizes) > limit) if not np.isnan(sizes).all() else False
+    sizes = _differences(positions, order).reshape(-1, 1)
+    return bool(median_of_known(sizes)[0] > limit)
 
 
 def _differences(positions: Floats, order: int) -> Floats:

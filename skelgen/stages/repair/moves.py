@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from skelgen.geometry.statistics import lengths_of, median_of_known
 from skelgen.model import Limbs, Trajectories
 from skelgen.model.arrays import Bools, Floats
 from skelgen.model.labelling import Finding
@@ -117,7 +118,7 @@ def find_moves(trajectories: Trajectories, *, limbs: Limbs | None = None) -> tup
         doubted = seen[:, marker] & ~consistent
         for other in hosts:
             if other != marker and np.count_nonzero(doubted & ~seen[:, other]) >= LEAST_FRAMES:
-                found += _moves(trajectories, (marker, other), consistent, model)
+                found += _moves(trajectories, (marker, other), consistent | seen[:, other], model)
     return _apart(found)
 
 
@@ -149,24 +150,23 @@ def undo_moves(trajectories: Trajectories, moves: Iterable[Move]) -> Trajectorie
     return dataclasses.replace(trajectories, positions=positions, notices=notices)
 
 
-def _moves(trajectories: Trajectories, pair: tuple[int, int], consistent: Bools, model: RigidModel) -> list[Move]:
-    """All moves of one label onto one other marker."""
+def _moves(trajectories: Trajectories, pair: tuple[int, int], barred: Bools, model: RigidModel) -> list[Move]:
+    """All moves of one label onto one other marker, between the frames that are barred to them."""
     marker, other = pair
-    mates, seen = model.partners(other), trajectories.seen
+    mates = model.partners(other)
     mates = mates[mates != marker]
     off = _deviations(trajectories.positions, marker, other, model)
     deviations = np.abs(off) / model.spread[other, mates]
     testable = (~np.isnan(off)).sum(axis=1) >= LEAST_DISTANCES
-    fits = np.zeros(len(off), dtype=np.bool_)
-    fits[testable] = np.nanmedian(deviations[testable], axis=1) <= FITS
-    elsewhere = testable & (consistent | seen[:, other])
+    fits = testable & (median_of_known(deviations.T) <= FITS)
+    elsewhere = testable & barred
     if elsewhere.sum() < LEAST_ELSEWHERE or fits[elsewhere].mean() > FITS_ANYWAY:
         return []
     fits &= ~elsewhere
     least = max(LEAST_FRAMES, round(LEAST_SECONDS * trajectories.rate))
     found = []
     # First and last fitting frame of every run between barriers
-    run = np.cumsum(consistent | seen[:, other] | (testable & ~fits))
+    run = np.cumsum(barred | (testable & ~fits))
     frames = np.flatnonzero(fits)
     _, starts, counts = np.unique(run[frames], return_index=True, return_counts=True)
     for first, last in zip(frames[starts].tolist(), frames[starts + counts - 1].tolist(), strict=True):
@@ -185,7 +185,7 @@ def _deviations(positions: Floats, marker: int, other: int, model: RigidModel) -
     """How far a label's distances to another marker's limb are from those of that marker [mm], (n_frames, n_mates)."""
     mates = model.partners(other)
     mates = mates[mates != marker]
-    lengths = np.linalg.norm(positions[:, mates] - positions[:, [marker]], axis=2)
+    lengths = lengths_of(positions[:, mates] - positions[:, [marker]])
     return np.asarray(lengths - model.distance[other, mates])
 
 

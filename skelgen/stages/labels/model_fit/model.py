@@ -317,7 +317,6 @@ def _pose(trees: list[Tree], positions: Floats) -> LimbPoses:
         chained = transform_from(found.rotations, found.origins(tree.chain))
         np.copyto(chained, own, where=by_own[:, tree.limbs, np.newaxis, np.newaxis])
         poses[:, tree.limbs] = chained
-    from scipy.ndimage import binary_dilation  # noqa: PLC0415 - heavy
-
-    credible = binary_dilation(posed | by_own, structure=np.ones((2 * STEADY_FRAMES + 1, 1)))
-    return LimbPoses(poses, by_own, credible)
+    known = np.pad(posed | by_own, ((STEADY_FRAMES + 1, STEADY_FRAMES), (0, 0))).cumsum(axis=0)
+    window = 2 * STEADY_FRAMES + 1
+    return LimbPoses(poses, by_own, credible=known[window:] > known[:-window])
