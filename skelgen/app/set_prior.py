@@ -188,6 +188,8 @@ def with_tree(
     monitor : Monitor
         Receives a notice of joints that the data refuse.
     """
+    from networkx.utils import UnionFind  # noqa: PLC0415 - loaded where a tree is found
+
     wanted = joints_of_person(limb_names, project.limbs)
     names = [name.rstrip("0123456789 ") for name in limb_names]
     found = {frozenset((names[one], names[other])) for one, other in topology.edges.tolist()}
@@ -200,17 +202,17 @@ def with_tree(
         for (one, other), p in zip(topology.edges.tolist(), probability.tolist(), strict=True)
         if p >= (_OVERRULES if (min(one, other), max(one, other)) in wanted else _OVERRULES_JOINT)
     ]
-    tree = np.arange(len(names))  # of each limb
-    for one, other in (*sure, *constraints.joined):
-        tree[tree == tree[other]] = tree[one]
+    trees = UnionFind()
+    for pair in (*sure, *constraints.joined):
+        trees.union(*pair)
     missing = [pair for pair in missing if project.limbs.body_of_limb[pair[0]] == project.limbs.body_of_limb[pair[1]]]
     taken, refused = [], []
-    for one, other in missing:
-        if tree[one] == tree[other] or (one, other) in constraints.parted:
-            refused.append(f"{names[one]} and {names[other]}")
+    for pair in missing:
+        if trees[pair[0]] == trees[pair[1]] or pair in constraints.parted:
+            refused.append(f"{names[pair[0]]} and {names[pair[1]]}")
         else:
-            tree[tree == tree[other]] = tree[one]
-            taken.append((one, other))
+            trees.union(*pair)
+            taken.append(pair)
     if refused:
         monitor.notice(f"unlike in a person, these limbs are surely not joined: {', '.join(refused)}")
     if not taken:

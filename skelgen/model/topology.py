@@ -1,6 +1,6 @@
 """How limbs are joined: a graph of limbs with its spanning tree.
 
-networkx takes a tenth of a second to import: it is imported where a graph is asked for.
+networkx takes a fifth of a second to import: it is imported where a graph is asked for.
 """
 
 from __future__ import annotations
@@ -213,36 +213,25 @@ def spanning_forest(costs: Floats, sizes: Ints | None = None, roots: Sequence[in
     >>> spanning_forest(np.array([[0.0, 3.0, 1.0], [3.0, 0.0, 2.0], [1.0, 2.0, 0.0]]))
     array([ 2,  2, -1])
     """
+    from networkx import bfs_edges, minimum_spanning_tree  # noqa: PLC0415 - see the module's docstring
+
+    tree = minimum_spanning_tree(_graph_of_costs(costs), weight="cost", algorithm="prim")
     sizes = np.full(len(costs), 1, dtype=np.intp) if sizes is None else sizes
-    parents = _grown_forest(costs)
-    branching = _branch_numbers(parents, sizes)
-    given = {limb: rank - len(roots) for rank, limb in reversed(list(enumerate(roots)))}
-    ranks = [(given.get(limb, 0), size == 1, -branching[limb], -size, limb) for limb, size in enumerate(sizes.tolist())]
-    for limbs in limbs_of_bodies(parents):
-        limb, parent = min(limbs.tolist(), key=lambda limb: ranks[limb]), -1
-        while limb >= 0:  # joints between the new root and the old one turn round
-            parents[limb], parent, limb = parent, limb, int(parents[limb])
-    return parents
-
-
-def _grown_forest(costs: Floats) -> Ints:
-    """Grow each tree from its first limb, by the cheapest joint to a limb outside; of joints that cost the same, by
-    the one that was reached first. Returns the parent of each limb.
-    """
+    branches = _branch_numbers(tree, sizes)
     parents = np.full(len(costs), -1, dtype=np.intp)
-    reached = [(np.inf, len(costs), limb) for limb in range(len(costs))]
-    outside = set(range(len(costs)))
-    for step in range(len(costs)):
-        limb = min(outside, key=lambda limb: reached[limb])
-        outside.remove(limb)
-        for other in outside:
-            cost = costs[limb, other]
-            if np.isfinite(cost) and cost < reached[other][0]:
-                reached[other], parents[other] = (cost, step, other), limb
+    placed: set[int] = set()
+    given = {limb: rank - len(roots) for rank, limb in reversed(list(enumerate(roots)))}
+    ranks = {limb: (given.get(limb, 0), sizes[limb] == 1, -branches[limb], -sizes[limb], limb) for limb in tree}
+    for start in sorted(tree, key=lambda limb: ranks[limb]):
+        if start not in placed:
+            placed.add(start)
+            for parent, child in bfs_edges(tree, start):
+                parents[child] = parent
+                placed.add(child)
     return parents
 
 
-def _branch_numbers(parents: Ints, sizes: Ints) -> Floats:
+def _branch_numbers(forest: Graph, sizes: Ints) -> Floats:
     """How many branches hang from each limb, those that count being alike, shape (n_limbs,).
 
     The square of the sum over the sum of squares of their numbers of markers: a limb with most joints near the middle
@@ -250,19 +239,21 @@ def _branch_numbers(parents: Ints, sizes: Ints) -> Floats:
 
     Parameters
     ----------
-    parents : ndarray of intp, shape (n_limbs,)
-        Parent of each limb, -1 for a root, whichever limbs are the roots.
+    forest : networkx.Graph
+        Limbs and joints without loops.
     sizes : ndarray of intp, shape (n_limbs,)
         Number of markers on each limb.
     """
-    borne = branches(parents) @ sizes
+    from networkx import connected_components, dfs_edges  # noqa: PLC0415 - see the module's docstring
+
     total, squares = np.zeros((2, len(sizes)), dtype=np.intp)
-    for limbs in limbs_of_bodies(parents):
-        children = limbs[parents[limbs] >= 0]
-        outward, inward = borne[children], sizes[limbs].sum() - borne[children]
-        for limb, branch in ((parents[children], outward), (children, inward)):
-            np.add.at(total, limb, branch)
-            np.add.at(squares, limb, branch**2)
+    for limbs in connected_components(forest):
+        everything, borne = int(sizes[list(limbs)].sum()), sizes.copy()
+        for parent, child in reversed(list(dfs_edges(forest, min(limbs)))):
+            borne[parent] += borne[child]
+            for limb, branch in ((parent, borne[child]), (child, everything - borne[child])):
+                total[limb] += branch
+                squares[limb] += branch**2
     return np.asarray(total**2 / np.maximum(squares, 1))
 
 
