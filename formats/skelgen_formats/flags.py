@@ -1,11 +1,11 @@
 """Words that say of points whether they are seen, in titles of columns, keys of arrays, and cells."""
 
-import re
 from typing import Any
 
 import numpy as np
 
 from skelgen.model.arrays import Floats
+from skelgen_formats.text import is_number
 
 FLAG_WORD = (
     r"(?:v|(?:is_?)?(?:valid|visible|tracked|seen|(occluded|hidden|lost|missing))"
@@ -16,59 +16,46 @@ FLAG_WORD = (
 STATES = ("status", "state", "tracking_state")
 """Keys of what says in words whether a point is seen; their numbers are codes."""
 
-_SAYS_YES = {"true", "t", "yes", "y", "ok", "good", "valid", "visible", "seen", "measured", "tracked", "inferred"}
-_SAYS_NO = {"false", "f", "no", "n", "bad", "invalid", "unseen", "hidden", "occluded", "lost", "missing"} | {
-    *("nottracked", "not_tracked", "not tracked", "untracked"),
-}
-_TOLD = dict.fromkeys(_SAYS_YES, True) | dict.fromkeys(_SAYS_NO, False)
-_WORD = re.compile(rf"\b(?:{'|'.join(_TOLD)})\b", re.IGNORECASE)
+_TRUTH = dict.fromkeys(("true", "t", "yes", "y", "1", "1.0"), True)
+_TRUTH |= dict.fromkeys(("false", "f", "no", "n", "0", "0.0"), False)
+_OF_STATE = dict.fromkeys(("ok", "good", "valid", "visible", "seen", "measured", "tracked", "inferred"), True)
+_OF_STATE |= dict.fromkeys(("bad", "invalid", "unseen", "hidden", "occluded", "lost", "missing", "untracked"), False)
+_OF_STATE |= dict.fromkeys(("nottracked", "not_tracked", "not tracked"), False)
 
 
-def said(cell: str, *, in_words: bool = False) -> bool | None:
-    """Return what a cell says, yes or no; None if it says neither.
+def is_seen(cell: str, *, hides: bool = False, in_words: bool = False) -> bool | None:
+    """Return whether a point is seen by what a cell says; None if it says neither.
 
     Parameters
     ----------
     cell : str
-        A word, or 1 or 0.
+        Yes or no, 1 or 0, or a state such as lost, which means the same under any title.
+    hides : bool
+        Whether the title asks if the point is hidden.
     in_words : bool
         Whether numbers say nothing.
     """
     word = cell.strip().lower()
-    return _TOLD.get(word) if in_words or word not in {"1", "0", "1.0", "0.0"} else word[0] == "1"
+    if word in _OF_STATE:
+        return _OF_STATE[word]
+    return None if word not in _TRUTH or (in_words and is_number(word)) else _TRUTH[word] != hides
 
 
-def in_numbers(line: str) -> str:
-    """Return a line of a table with 1 for each word that says yes, and 0 for each that says no.
-
-    Parameters
-    ----------
-    line : str
-        Of a table with columns of flags.
-    """
-    return _WORD.sub(lambda word: str(int(_TOLD[word[0].lower()])), line)
-
-
-def all_said(values: Any, *, in_words: bool = False) -> Floats | None:
-    """Return 1 for each text that says yes, 0 for no and for what is missing; None if any says neither, or is no text.
+def all_seen(values: Any, *, hides: bool = False, in_words: bool = False) -> Floats | None:
+    """Return 0 for what is missing and for each text by which a point is not seen, else 1; None if some are no texts.
 
     Parameters
     ----------
     values : array_like of str or None
         Of any shape.
-    in_words : bool
-        Whether numbers say nothing.
+    hides, in_words
+        As for `is_seen`.
     """
     try:
         texts = np.asarray(values, dtype=object)
     except ValueError:  # lists of unlike lengths
         return None
-    every = {one for one in texts.flat if one is not None} if all(map(_is_text, texts.flat)) else {None}
-    told = {one: None if one is None else said(one, in_words=in_words) for one in every}
-    if not told or None in told.values():
+    if not texts.size or not all(one is None or isinstance(one, str) for one in texts.flat):
         return None
-    return np.array([float(one is not None and bool(told[one])) for one in texts.flat]).reshape(texts.shape)
-
-
-def _is_text(value: Any) -> bool:
-    return value is None or isinstance(value, str)
+    told = {one: one is not None and is_seen(one, hides=hides, in_words=in_words) for one in set(texts.flat)}
+    return np.array([float(told[one] is not False) for one in texts.flat]).reshape(texts.shape)

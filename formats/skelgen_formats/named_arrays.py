@@ -23,7 +23,7 @@ from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.model.arrays import Floats
 from skelgen.progress import counted
 from skelgen_formats.clock_titles import clock_of
-from skelgen_formats.flags import FLAG_WORD, all_said
+from skelgen_formats.flags import FLAG_WORD, all_seen
 from skelgen_formats.options import Options
 from skelgen_formats.table_heads import CAMEL
 from skelgen_formats.text import is_number, seconds_of
@@ -115,10 +115,14 @@ def _without_unseen(numbers: NDArray[Any], names: Sequence[str], arrays: Arrays,
     for key, array in arrays.items():
         owner, _, word = key.rpartition(".")
         flag = re.fullmatch(FLAG_WORD, word, re.IGNORECASE)
-        told = None if flag is None else array if array.dtype.kind in "bfiu" else all_said(array)
-        if flag is None or told is None or not told.any():
+        if flag is None or (array.dtype.kind in "bfiu" and not array.any()):
             continue
-        tells = told == 0 if flag[1] else np.nan_to_num(told) > 0
+        if array.dtype.kind in "bfiu":
+            tells = array == 0 if flag[1] else np.nan_to_num(array) > 0
+        elif (in_words := all_seen(array, hides=bool(flag[1]))) is not None:
+            tells = in_words > 0
+        else:
+            continue
         if tells.shape in (shape, shape[::-1]):
             are_seen &= tells if tells.shape == shape else tells.T
         elif owner in names and tells.shape == shape[:1]:

@@ -14,7 +14,7 @@ from operator import mul
 
 from skelgen_formats.body_columns import Body
 from skelgen_formats.clock_titles import Clock, clock_of, is_frame
-from skelgen_formats.flags import said
+from skelgen_formats.flags import is_seen
 from skelgen_formats.options import MM_PER_UNIT
 from skelgen_formats.text import (
     is_number,
@@ -230,7 +230,7 @@ def _read_rows(head: Head, every: list[list[str]]) -> None:
     head.unit = head.unit_in_cells or head.unit
     for body in head.bodies:
         is_flag = body.flag is None or all(
-            [*map(said, row[body.flag : body.flag + 1])] not in ([], [None]) for row in rows[:1]
+            [*map(is_seen, row[body.flag : body.flag + 1])] not in ([], [None]) for row in rows[:1]
         )
         body.flag = body.flag if is_flag or body.is_graded else None
     if head.frames is not None and not all(is_number(row[head.frames]) for row in rows[:1] if head.frames < len(row)):

@@ -21,7 +21,7 @@ from skelgen.errors import FormatError
 from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.model.arrays import Floats, Ints
 from skelgen.progress import counted
-from skelgen_formats.flags import said
+from skelgen_formats.flags import is_seen
 from skelgen_formats.lines import Lines, decoded_head, read_lines
 from skelgen_formats.options import ANGLE_ORDER, AUTO, POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
 from skelgen_formats.row_owners import spread
@@ -34,6 +34,8 @@ from skelgen_formats.turn_titles import AXES, numbered_quaternions
 from skelgen_formats.wide import take_from_head
 
 _HIDDEN = -np.inf  # in place of a grade
+_FLAGS = {"flag": {}, "hidden": {"hides": True}, "state": {"in_words": True}}  # how each is read
+_RESIDUAL_OF_UNSEEN = -1.0  # as in C3D files
 _LONG_STEP = 1000.0  # frames; where more are missing, it does not matter how many
 
 
@@ -98,7 +100,7 @@ def read_tidy(path: Path, lines: Lines, options: Options) -> Trajectories | Poin
     _check_rows(path, head, places, points)
     if head.frames is not None and len(rows.takes) < 2:
         notice_skipped(Counter(np.diff(every).clip(max=_LONG_STEP).astype(int).tolist()), head.notices)
-    cells = _sure(np.frombuffer(rows.numbers).reshape(-1, width), np.frombuffer(rows.grades), head.notices)
+    cells = _sure(np.frombuffer(rows.numbers).reshape(-1, width), np.frombuffer(rows.grades), head)
     shape = (len(every), n_names * _n_points_of_name(head))
     numbers = spread(path, cells, np.stack([places, points], axis=1), shape)
     times = np.array([rows.times[frame] for frame in every.tolist() if frame in rows.times])  # of the first trial
@@ -109,13 +111,14 @@ def read_tidy(path: Path, lines: Lines, options: Options) -> Trajectories | Poin
     return take_from_head(path, numbers, names, head, stamps, options)
 
 
-def _sure(cells: Floats, grades: Floats, notices: list[str]) -> Floats:
+def _sure(cells: Floats, grades: Floats, head: TidyHead) -> Floats:
     """Return the numbers of rows, NaN where a point is hidden, or has the grade 0, if that is not the grade of all."""
     is_hidden, unsure = grades == _HIDDEN, grades <= 0.0
     unsure = is_hidden if unsure.all() else unsure
     if unsure.any():
-        positions = counted(int(unsure.sum()), "position is", "positions are")
-        notices.append(f"{positions} unseen, as the columns of {'flags' if is_hidden.any() else 'confidence'} say")
+        positions = counted(int(unsure.sum()) // _n_points_of_name(head), "position is", "positions are")
+        told = "flags" if (is_hidden == unsure).all() else "flags or confidences"
+        head.notices.append(f"{positions} unseen, as the columns of {told} say")
     return np.where(unsure[:, np.newaxis], np.nan, cells)
 
 
@@ -138,6 +141,7 @@ def _check_rows(path: Path, head: TidyHead, places: Ints, points: Ints) -> None:
 def _rows(path: Path, lines: Lines, head: TidyHead) -> _Rows:
     at, clock = head.at, head.clock
     rows, columns, count, left_out = _Rows(), head.columns, Counter[tuple[object, ...]](), 0
+    flags = [(what, tells) for what, tells in _FLAGS.items() if what in at]
     parts = [at[what] for what in ("name", "group") if what in at and "name" in at]
     for number, cells in _cells(path, lines, head, rows.notices):
         time = clock.moment(cells) if clock else ""
@@ -165,20 +169,20 @@ def _rows(path: Path, lines: Lines, head: TidyHead) -> _Rows:
             rows.times[frame] = number_or_nan(path, number, time, "the time")
         numbers = [number_or_nan(path, number, cells[column], "a coordinate") for column in columns]
         rows.numbers.extend(numbers)
-        grade = number_or_nan(path, number, cells[at["grade"]], "a grade") if "grade" in at else 1.0
-        rows.grades.append(_HIDDEN if _is_hidden(at, cells) else grade)
+        is_hidden = any(is_seen(cells[at[what]], **tells) is False for what, tells in flags)
+        rows.grades.append(_HIDDEN if is_hidden else _grade(path, number, at, cells))
     if left_out:
         rows.notices.append(f"{counted(left_out, 'row is', 'rows are')} of no x, y or z, and left out")
     return rows
 
 
-def _is_hidden(at: Mapping[str, int], cells: Sequence[str]) -> bool:
-    """Whether a row says that its point is not seen."""
-    tells = {"flag": False, "hidden": True, "state": False}
-    residual = cells[at["residual"]].strip() if "residual" in at else ""
-    return residual.startswith("-") or any(
-        what in at and said(cells[at[what]], in_words=what == "state") is hides for what, hides in tells.items()
-    )
+def _grade(path: Path, number: int, at: Mapping[str, int], cells: Sequence[str]) -> float:
+    """How surely a point is seen by its confidence, in numbers or words, and by its residual."""
+    grade, residual = (cells[at[what]].strip() if what in at else "1" for what in ("grade", "residual"))
+    if is_number(residual) and number_or_nan(path, number, residual, "a residual") == _RESIDUAL_OF_UNSEEN:
+        return 0.0
+    is_graded = is_number(grade)
+    return number_or_nan(path, number, grade, "a grade") if is_graded else float(is_seen(grade) is not False)
 
 
 def _cells(path: Path, lines: Lines, head: TidyHead, notices: list[str]) -> Iterator[tuple[int, list[str]]]:

@@ -100,6 +100,7 @@ def test_points_that_frames_do_not_list_are_unseen(put):
     [
         *[("visible", True, False), ("isOccluded", False, True), ("confidence", 0.7, 0.0)],
         *[("visible", "yes", "no"), ("occluded", "F", "T"), ("status", "OK", "lost"), ("visible", "true", None)],
+        *[("occluded", "visible", "occluded"), ("trackingState", "Tracked", "NotTracked")],
     ],
 )
 def test_points_are_unseen_where_flags_say_so(put, flag, seen, hidden):
@@ -109,6 +110,23 @@ def test_points_are_unseen_where_flags_say_so(put, flag, seen, hidden):
     take = read_take(put("flags.json", json.dumps({"fps": 50, "frames": frames})))
     assert take.names == tuple(NAMES)
     assert take.seen[:, 1].tolist() == [True, False, True, True, True]
+
+
+def test_words_that_say_nothing_are_of_points_that_are_seen(put):
+    words = ["ok", "interpolated", "lost", "", "ok"]
+    frames = [{"markers": [{**one, "status": word} for one in named(f)]} for word, f in zip(words, PLACES, strict=True)]
+    take = read_take(put("words.json", json.dumps({"fps": 50, "frames": frames})))
+    assert take.names == tuple(NAMES)
+    assert take.seen[:, 1].tolist() == [True, True, False, True, True]
+
+
+def test_a_state_speaks_beside_a_flag(put):
+    frames = [
+        {"markers": [{**one, "tracked": n != 1, "status": "lost" if n == 3 else "ok"} for one in named(f)]}
+        for n, f in enumerate(PLACES)
+    ]
+    take = read_take(put("both.json", json.dumps({"fps": 50, "frames": frames})))
+    assert take.seen[:, 1].tolist() == [True, False, True, False, True]
 
 
 def test_numbers_of_a_status_are_codes(put):

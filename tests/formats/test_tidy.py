@@ -204,7 +204,12 @@ def test_words_of_a_title_may_meet_at_a_capital(put):
     [
         *[("Occluded", "True 0"), ("isOccluded", "1 0"), ("lost", "true 0"), ("TrackingState", "NotTracked Inferred")],
         *[("visible", "F T"), ("valid", "no yes"), ("status", "lost ok"), ("confidence", "0 0.9")],
-        ("residual", "-1 0"),
+        *[
+            ("residual", "-1 0"),
+            ("occluded", "occluded visible"),
+            ("lost", "lost tracked"),
+            ("visibility", "false true"),
+        ],
     ],
 )
 def test_point_that_a_flag_calls_hidden_is_unseen(put, title, words):
@@ -213,10 +218,20 @@ def test_point_that_a_flag_calls_hidden_is_unseen(put, title, words):
     assert read_take(put("flags.csv", f"frame,marker,x,y,z,{title}\n{rows}")).names == ("a", "c")
 
 
-@pytest.mark.parametrize("title", ["confidence", "status"])
-def test_zeros_that_all_points_have_say_nothing(put, title):
-    rows = "".join(f"{frame},{name},1,2,3,0\n" for frame in range(2) for name in "abc")
-    assert read_take(put("zeros.csv", f"frame,marker,x,y,z,{title}\n{rows}")).names == ("a", "b", "c")
+@pytest.mark.parametrize(
+    ("title", "cell"),
+    [
+        ("confidence", "0"),
+        ("status", "0"),
+        ("residual", "-1"),
+        ("confidence", "high"),
+        ("residual", "-0.05"),
+        ("residual", "-"),
+    ],
+)
+def test_what_says_nothing_of_a_point_hides_none(put, title, cell):
+    rows = "".join(f"{frame},{name},1,2,3,{cell}\n" for frame in range(2) for name in "abc")
+    assert read_take(put("flags.csv", f"frame,marker,x,y,z,{title}\n{rows}")).names == ("a", "b", "c")
 
 
 @pytest.mark.parametrize("titles", ["time;marker;coordinate;value", "time;marker;axis;coordinate"])

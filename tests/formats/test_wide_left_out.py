@@ -122,11 +122,24 @@ def test_deviations_of_positions_are_no_points(put):
     assert read_take(put("std.csv", f"{titles}\n" + rows(after=",1,2,3"))).names == ("a", "b")
 
 
-@pytest.mark.parametrize("words", ["1 0", "True False", "yes no", "T F", "ok lost"])
+@pytest.mark.parametrize(
+    "words",
+    [
+        *["valid 1 0", "valid True False", "valid yes no", "valid T F", "valid ok lost"],
+        *["occluded visible occluded", "hidden no yes", "valid interpolated lost"],
+    ],
+)
 def test_points_are_unseen_where_a_column_of_flags_says_so(put, words):
-    seen, hidden = words.split()
-    text = (
-        f"time,a_x,a_y,a_z,a_valid,b_x,b_y,b_z,b_valid\n0,1,2,3,{seen},4,5,6,{seen}\n0.02,1,2,4,{seen},4,5,7,{hidden}\n"
-    )
-    take = read_take(put("flags.csv", text))
+    title, seen, hidden = words.split()
+    first = "ok" if seen == "interpolated" else seen  # what a first row says shows that these are flags
+    titles = f"time,a_x,a_y,a_z,a_{title},b_x,b_y,b_z,b_{title}"
+    rows = f"0,1,2,3,{first},4,5,6,{first}\n0.02,1,2,4,{seen},4,5,7,{hidden}\n"
+    take = read_take(put("flags.csv", f"{titles}\n{rows}"))
     assert (take.names, take.seen.tolist()) == (("a", "b"), [[True, True], [True, False]])
+
+
+@pytest.mark.parametrize("cell", ["N/A", "missing", "lost"])
+def test_words_beside_flags_are_no_numbers(put, cell):
+    titles = "time,a_x,a_y,a_z,a_valid,b_x,b_y,b_z,b_valid"
+    take = read_take(put("gap.csv", f"{titles}\n0,1,2,3,1,4,5,6,1\n0.02,1,{cell},4,1,4,5,7,1\n"))
+    assert take.seen.tolist() == [[True, True], [False, True]]

@@ -212,6 +212,7 @@ def _bodies(
         raise InputError(f"{parameters.n_bodies} bodies were asked for, but only {len(sure)} can be told apart")
     if parameters.n_bodies == 0 and parameters.marker_set != "none":
         body_of_marker[usable], sure = bodies_of_people(positions[:, usable], body_of_marker[usable], sure, parts)
+        body_of_marker[np.setdiff1d(np.arange(len(body_of_marker)), usable)] = body_of_marker[usable].min()
     for block in (*(tuple(one.tolist()) for one in stated), *named.blocks):
         bodies = np.unique(body_of_marker[list(block)])
         body_of_marker[np.isin(body_of_marker, bodies)] = bodies[0]

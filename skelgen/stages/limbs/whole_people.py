@@ -51,7 +51,9 @@ def bodies_of_people(positions: Floats, body_of_marker: Ints, sure: Floats, part
         Parts that are on different bodies in any case, numbered without holes.
     """
     found = with_people_apart(positions, body_of_marker)
-    sure = np.append(sure, np.full(found.max(initial=-1) + 1 - len(sure), SURE_APART))
+    sure = np.append(sure, np.full(found.max(initial=-1) + 1 - len(sure), 1.0))
+    parted = np.unique([body_of_marker[found != body_of_marker], found[found != body_of_marker]])
+    sure[parted] = np.minimum(sure[parted], SURE_APART)
     for part in range(int(parts.max(initial=-1)) + 1 if len(sure) > 1 else 0):
         markers = np.flatnonzero(parts == part)
         numbers, bodies = np.unique(found[markers], return_inverse=True)

@@ -13,7 +13,12 @@ from skelgen.stages.joints import JointConstraints, find_joints
 from skelgen.stages.limbs import LimbConstraints, LimbParameters, find_limbs
 from skelgen.stages.limbs.bodies import find_bodies, seen_together
 from skelgen.stages.limbs.held_bodies import with_held_bodies
-from skelgen.stages.limbs.whole_people import with_people_apart, with_whole_people
+from skelgen.stages.limbs.whole_people import (
+    SURE_APART,
+    bodies_of_people,
+    with_people_apart,
+    with_whole_people,
+)
 from skelgen.stages.limbs.worn_sets import HALVES
 
 OPTIONS = {"n_frames": 250, "noise": 0.3, "marker_set": "animation-41", "motion": "walk", "soft_tissue": "realistic"}
@@ -155,9 +160,23 @@ def test_piece_of_another_person_is_no_part_of_a_person(seed, distance):
 def test_people_who_stay_near_each_other_are_parted(seed):
     two = simulate("human", seed=seed, subjects=2, **(OPTIONS | {"apart": 450.0})).take
     subject = subject_of(two.names)
-    found = with_people_apart(two.positions, np.zeros_like(subject))
+    found, sure = bodies_of_people(two.positions, np.zeros_like(subject), np.ones(1), np.zeros_like(subject))
     assert [len(np.unique(found[subject == one])) for one in (0, 1)] == [1, 1]
     assert len(np.unique(found)) == 2
+    assert sure.tolist() == [SURE_APART, SURE_APART]
+
+
+def test_limbs_of_people_who_stay_near_each_other_are_on_two_bodies():
+    two = simulate("human", seed=0, subjects=2, **OPTIONS).take
+    subject, positions = subject_of(two.names), two.positions.copy()
+    for one in (0, 1):
+        own = subject == one
+        middle = positions[:, own].mean(axis=1, keepdims=True)
+        positions[:, own] += [500.0 * one, 0.0, 0.0] - middle * [1.0, 1.0, 0.0]
+    limbs = find_limbs(dataclasses.replace(two, positions=positions))
+    body = limbs.body_of_limb[limbs.limb_of_marker]
+    assert len(np.unique(np.stack([subject, body]), axis=1).T) == 2
+    assert limbs.body_probability.tolist() == [SURE_APART, SURE_APART]
 
 
 @pytest.mark.parametrize(("structure", "options"), [("human", OPTIONS), ("tree:20", {"n_frames": 250, "noise": 0.3})])
