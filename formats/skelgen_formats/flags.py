@@ -1,10 +1,12 @@
 """Words that say of points whether they are seen, in titles of columns, keys of arrays, and cells."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from skelgen.model.arrays import Floats
+from skelgen_formats.body_columns import Body
 from skelgen_formats.text import is_number
 
 FLAG_WORD = (
@@ -59,3 +61,23 @@ def all_seen(values: Any, *, hides: bool = False, in_words: bool = False) -> Flo
         return None
     told = {one: one is not None and is_seen(one, hides=hides, in_words=in_words) for one in set(texts.flat)}
     return np.array([float(told[one] is not False) for one in texts.flat]).reshape(texts.shape)
+
+
+def with_flags(line: str, flags: Mapping[int, Body], delimiter: str | None) -> str:
+    """Return a line of a table with numbers for words in the columns of flags; a word that says nothing is left out.
+
+    Parameters
+    ----------
+    line : str
+        The line.
+    flags : mapping of int to Body
+        Whose flag each column is.
+    delimiter : str or None
+        What separates cells, None for blanks.
+    """
+    cells = line.split(delimiter)
+    for column, body in flags.items():
+        if column < len(cells) and not is_number(cells[column].strip()):
+            seen = is_seen(cells[column], hides=bool(body.flag_of_unseen))
+            cells[column] = "nan" if seen is None else f"{int(seen != bool(body.flag_of_unseen))}"
+    return (delimiter or " ").join(cells)

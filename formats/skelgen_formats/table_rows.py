@@ -4,11 +4,10 @@ import contextlib
 import math
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 from skelgen.progress import counted
-from skelgen_formats.body_columns import Body
-from skelgen_formats.flags import is_seen
+from skelgen_formats.flags import with_flags
 from skelgen_formats.text import is_number, is_unseen, seconds_of, unquoted
 from skelgen_formats.title_lines import Head
 
@@ -104,17 +103,7 @@ def with_numbers(numbered: Iterable[tuple[int, str]], head: Head) -> Iterator[tu
     unit = re.compile(rf"(?<=[\d.]) ?{head.unit_in_cells}\b") if head.unit_in_cells else None
     for number, line in numbered:
         plain = unit.sub("", line) if unit else line
-        yield number, _with_flags(plain, flags, head.delimiter) if flags else plain
-
-
-def _with_flags(line: str, flags: Mapping[int, Body], delimiter: str | None) -> str:
-    """The line with numbers for words in the columns of flags; a word that says nothing is left out."""
-    cells = line.split(delimiter)
-    for column, body in flags.items():
-        if column < len(cells) and not is_number(cells[column].strip()):
-            seen = is_seen(cells[column], hides=bool(body.flag_of_unseen))
-            cells[column] = "nan" if seen is None else f"{int(seen != bool(body.flag_of_unseen))}"
-    return (delimiter or " ").join(cells)
+        yield number, with_flags(plain, flags, head.delimiter) if flags else plain
 
 
 def without_remarks(
