@@ -21,13 +21,14 @@ def nameless(take):
     return skelgen.Trajectories(take.positions, [f"M{marker}" for marker in range(take.n_markers)], take.rate)
 
 
-@pytest.mark.parametrize(("subjects", "n_notices"), [(1, 0), (2, 1)])
-def test_two_people_who_stand_side_by_side_are_told_and_one_is_not(subjects, n_notices):
+@pytest.mark.parametrize(("subjects", "marker_set", "n_notices"), [(1, "auto", 0), (2, "none", 1), (2, "auto", 0)])
+def test_two_people_who_stand_side_by_side_are_told_and_one_is_not(subjects, marker_set, n_notices):
     options = {"motion": "reach", "marker_set": "animation-41", "n_frames": 300, "soft_tissue": "realistic"}
     apart = {"apart": 300.0} if subjects > 1 else {}
     take = nameless(skelgen.simulate("human", seed=0, noise=0.3, subjects=subjects, **options, **apart).take)
-    project = skelgen.reconstruct(take, until="joints")
+    project = skelgen.reconstruct(take, until="joints", parameters={"limbs": {"marker_set": marker_set}})
     assert sum("may belong to 2 bodies" in notice for notice in project.reports["joints"].notices) == n_notices
+    assert len(np.unique(project.limbs.body_of_limb)) == subjects - n_notices
 
 
 @pytest.mark.parametrize("edges", [[(0, 2), (2, 3), (3, 1)], [(0, 2), (2, 1)]], ids=["two feet", "feet as one limb"])
