@@ -63,8 +63,7 @@ def test_an_arm_whose_markers_were_mistaken_for_each_other_is_told_by_the_skelet
     wrong = _exchanged(take, true, list(range(18, 27)), range(400, 600))
     found = label_again(take, wrong, 0, SILENT)
     assert (wrong != true).mean() > 0.06
-    assert ((found >= 0) & (found != true)).mean() < 0.0005
-    assert ((found < 0) & (true >= 0)).mean() < 0.002  # of points that rounding on some machines decides about
+    assert (found != true).mean() < 0.001
 
 
 def test_an_arm_that_is_followed_without_markers_is_told_by_the_skeleton(person):
