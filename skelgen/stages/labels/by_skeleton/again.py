@@ -16,7 +16,7 @@ from skelgen.model.arrays import Ints
 from skelgen.progress import Monitor
 from skelgen.stages.joints import JointParameters, find_joints
 from skelgen.stages.labels import point_labels
-from skelgen.stages.labels.by_skeleton.matching import pose_and_reassign, propose_markers
+from skelgen.stages.labels.by_skeleton.matching import by_track_votes, pose_and_reassign, propose_markers
 from skelgen.stages.labels.by_skeleton.points import FollowedPoints
 from skelgen.stages.labels.by_skeleton.posing import with_free_joints
 from skelgen.stages.labels.confidence import label_quality
@@ -82,7 +82,14 @@ def label_again(take: FollowedCloud, found: Ints, seed: int, monitor: Monitor) -
         return found
     fused = fused_labels(take, found, other)
     right = better_labels(take, fused, label_rest(take, put_right(take, fused)))
-    return better_labels(take, found, right, chance)
+    return better_labels(take, found, _with_whole_tracks(take, points, right), chance)
+
+
+def _with_whole_tracks(take: FollowedCloud, points: FollowedPoints, found: Ints) -> Ints:
+    """Labels whose tracks are one marker's from end to end where that explains more: poses tell frame by frame."""
+    n_markers = int(found.max(initial=-1)) + 1
+    whole = point_labels.filled_labels(take.cloud, [by_track_votes(points, [found], n_markers), found], n_markers)
+    return label_rest(take, fused_labels(take, found, whole.astype(np.int32)))
 
 
 def _are_doubtful(take: FollowedCloud, found: Ints) -> bool:

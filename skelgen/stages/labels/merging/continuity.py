@@ -147,12 +147,13 @@ class Continuity:
         return evidence
 
     def total(self) -> float:
-        """Return the evidence [nats] of all gaps within markers."""
+        """Return the evidence [nats] of all gaps within markers, but for those that leave out points of one track."""
         marker, first, last = self._parts
         within = np.flatnonzero(marker[1:] == marker[:-1])
         before, after = last[within], first[within + 1]
-        short = self._frame[after] - self._frame[before] <= LONGEST * self.take.rate
-        return float(np.nansum(self.evidence(before[short], after[short], marker[within][short])))
+        counts = self._frame[after] - self._frame[before] <= LONGEST * self.take.rate
+        counts &= ~self.take.is_followed_between(before, after)
+        return float(np.nansum(self.evidence(before[counts], after[counts], marker[within][counts])))
 
     def between(self, apart: Bools) -> Floats:
         """Return the evidence [nats] that two markers are one, shape (n_markers, n_markers), 0 where nothing says so.

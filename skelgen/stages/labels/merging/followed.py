@@ -130,6 +130,26 @@ class FollowedCloud:
         """Return the frame of each point, shape (n_points,)."""
         return np.repeat(np.arange(self.cloud.n_frames, dtype=np.int32), self.cloud.points_per_frame)
 
+    def is_followed_between(self, before: Ints, after: Ints) -> Bools:
+        """Return whether points are of one track with others of it in between, shape (n_pairs,).
+
+        Parameters
+        ----------
+        before, after : ndarray of intp, shape (n_pairs,)
+            Points, and later ones.
+        """
+        track, place = self.track_of_point, self._place_on_track
+        return (track[before] == track[after]) & (track[before] >= 0) & (place[after] > place[before] + 1)
+
+    @cached_property
+    def _place_on_track(self) -> Ints:
+        """The how-manieth of its track each point is, shape (n_points,)."""
+        order = np.argsort(self.track_of_point, kind="stable")
+        starts = np.flatnonzero(np.diff(self.track_of_point[order], prepend=-2))
+        place = np.empty(len(order), dtype=np.int32)
+        place[order] = np.arange(len(order)) - np.repeat(starts, np.diff(starts, append=len(order)))
+        return place
+
     def unlabelled_per_track(self, marker_of_point: Ints) -> Ints:
         """Return how many points of each track have no marker, up to the last track with any.
 
