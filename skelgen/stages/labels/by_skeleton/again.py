@@ -16,7 +16,7 @@ from skelgen.model.arrays import Ints
 from skelgen.progress import Monitor
 from skelgen.stages.joints import JointParameters, find_joints
 from skelgen.stages.labels import point_labels
-from skelgen.stages.labels.by_skeleton.matching import by_track_votes, pose_and_reassign, propose_markers
+from skelgen.stages.labels.by_skeleton.matching import pose_and_reassign, propose_markers, with_whole_tracks
 from skelgen.stages.labels.by_skeleton.points import FollowedPoints
 from skelgen.stages.labels.by_skeleton.posing import with_free_joints
 from skelgen.stages.labels.confidence import label_quality
@@ -77,19 +77,16 @@ def label_again(take: FollowedCloud, found: Ints, seed: int, monitor: Monitor) -
     if judge.evidence(label_rest(take, proposed.astype(np.int32)))[0] < PROMISING * evidence:
         return found
     reassigned, _ = pose_and_reassign(points, proposed, skeleton, monitor)
-    other = label_rest(take, reassigned.astype(np.int32))
-    if judge.evidence(other)[0] <= max(evidence, 0.0):  # of a skeleton that is off, parts explain more by chance
+    whole = with_whole_tracks(points, reassigned, int(found.max()) + 1)
+    fused = found
+    for way in (whole, reassigned):
+        other = label_rest(take, way.astype(np.int32))
+        if judge.evidence(other)[0] > max(evidence, 0.0):  # of a skeleton that is off, parts explain more by chance
+            fused = fused_labels(take, fused, other)
+    if fused is found:
         return found
-    fused = fused_labels(take, found, other)
     right = better_labels(take, fused, label_rest(take, put_right(take, fused)))
-    return better_labels(take, found, _with_whole_tracks(take, points, right), chance)
-
-
-def _with_whole_tracks(take: FollowedCloud, points: FollowedPoints, found: Ints) -> Ints:
-    """Labels whose tracks are one marker's from end to end where that explains more: poses tell frame by frame."""
-    n_markers = int(found.max(initial=-1)) + 1
-    whole = point_labels.filled_labels(take.cloud, [by_track_votes(points, [found], n_markers), found], n_markers)
-    return label_rest(take, fused_labels(take, found, whole.astype(np.int32)))
+    return better_labels(take, found, right, chance)
 
 
 def _are_doubtful(take: FollowedCloud, found: Ints) -> bool:

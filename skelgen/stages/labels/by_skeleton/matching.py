@@ -172,6 +172,24 @@ def _with_rest_of_tracks(points: FollowedPoints, marker_of_point: Ints, predicte
     return filled_labels(points.cloud, [marker_of_point, np.where(near, most, -1)], n_markers)
 
 
+def with_whole_tracks(points: FollowedPoints, marker_of_point: Ints, n_markers: int) -> Ints:
+    """Return labels whose tracks are one marker's from end to end, but where another track of it is seen meanwhile.
+
+    A pose tells frame by frame, and in some it is off: a marker is left out there, or taken for the next one.
+
+    Parameters
+    ----------
+    points : FollowedPoints
+        The take.
+    marker_of_point : ndarray of intp, shape (n_points,)
+        Marker of each point, -1 for none.
+    n_markers : int
+        Number of markers.
+    """
+    voted = by_track_votes(points, [marker_of_point], n_markers)
+    return filled_labels(points.cloud, [voted, marker_of_point], n_markers)
+
+
 def _refined(
     points: FollowedPoints, marker_of_point: Ints, skeleton: Skeleton, gates: Floats, monitor: Monitor
 ) -> tuple[Ints, SkeletonPoses]:

@@ -19,13 +19,13 @@ from skelgen.model import PointCloud, Skeleton, Trajectories
 from skelgen.model.arrays import Floats, Ints, spread_frames
 from skelgen.progress import SILENT, Monitor
 from skelgen.stages.labels import point_labels
-from skelgen.stages.labels.by_skeleton.matching import GATE, gates_of, pose_and_reassign
+from skelgen.stages.labels.by_skeleton.matching import GATE, gates_of, pose_and_reassign, with_whole_tracks
 from skelgen.stages.labels.by_skeleton.points import FollowedPoints
 from skelgen.stages.labels.by_skeleton.posing import pose_skeleton
 from skelgen.stages.labels.input_checks import frame_rate
 from skelgen.stages.labels.merging.continuity import LONGEST
 from skelgen.stages.labels.merging.followed import FollowedCloud
-from skelgen.stages.labels.merging.judging import MOST_EXISTENCE, parts_that_differ
+from skelgen.stages.labels.merging.judging import MOST_EXISTENCE, fused_labels, parts_that_differ
 from skelgen.stages.labels.merging.leftovers import label_leftovers, label_rest
 from skelgen.stages.labels.merging.likelihood import SAMPLE_SECONDS, sample_frames
 from skelgen.stages.labels.merging.turns import put_right
@@ -90,7 +90,9 @@ def refit_labels(
     for turn in range(MOST_TURNS):
         if turn > 0:
             before, _ = pose_and_reassign(points, best, skeleton, monitor)
-        fitted = _fitted(task, before.astype(np.int32), calibrated.n_markers, monitor)
+        whole = with_whole_tracks(points, before, calibrated.n_markers)
+        begun = fused_labels(take, *(labels.astype(np.int32) for labels in (before, whole)))
+        fitted = _fitted(task, begun, calibrated.n_markers, monitor)
         found, more = takes.confirmed(takes.put_right(fitted), fitted, points, skeleton)
         if more <= evidence:
             break

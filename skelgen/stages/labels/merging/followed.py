@@ -139,7 +139,8 @@ class FollowedCloud:
             Points, and later ones.
         """
         track, place = self.track_of_point, self._place_on_track
-        return (track[before] == track[after]) & (track[before] >= 0) & (place[after] > place[before] + 1)
+        is_of_one = (track[before] == track[after]) & (track[before] >= 0)
+        return np.asarray(is_of_one & (place[after] > place[before] + 1))
 
     @cached_property
     def _place_on_track(self) -> Ints:
