@@ -11,6 +11,8 @@ from skelgen.model import PointCloud
 from skelgen.progress import SILENT
 from skelgen.simulation import simulate
 from skelgen.stages.labels.by_skeleton.again import label_again
+from skelgen.stages.labels.by_skeleton.matching import with_whole_tracks
+from skelgen.stages.labels.by_skeleton.points import FollowedPoints
 from skelgen.stages.labels.merging.followed import FollowedCloud
 from skelgen.stages.labels.merging.judging import fused_labels
 from skelgen.stages.labels.parameters import LabelParameters
@@ -75,6 +77,16 @@ def test_an_arm_that_is_followed_without_markers_is_told_by_the_skeleton(person)
 def test_labels_that_are_not_doubtful_stay(person):
     take, true = person
     assert label_again(take, true, 0, SILENT) is true
+
+
+def test_a_track_that_a_pose_leaves_out_or_mistakes_in_some_frames_is_one_marker(person):
+    take, true = person
+    frames, tracks = take.frame_of_point().astype(np.intp), take.track_of_point.astype(np.intp)
+    points = FollowedPoints(take.cloud, frames, tracks, ())
+    wrong = _exchanged(take, true, [3, 30], range(50, 53))
+    wrong[(true == 5) & (take.frame_of_point() % 9 == 0)] = -1
+    assert (wrong != true).mean() > 0.002
+    assert (with_whole_tracks(points, wrong, int(true.max()) + 1) != true).mean() < 0.0005
 
 
 def test_a_take_without_labels_stays_without(person):

@@ -81,6 +81,14 @@ def test_a_gap_that_ends_at_another_marker_speaks_against_the_labels(limb):
     assert continuity(cloud, swapped).total() < 0.0 < continuity(cloud, marker).total()
 
 
+def test_points_of_a_track_that_are_left_out_leave_no_gap_to_explain(limb):
+    cloud, marker = limb
+    frame = np.repeat(np.arange(N_FRAMES), cloud.points_per_frame)
+    left_out = np.where((marker == 1) & (frame % 20 == 7), -1, marker)
+    take = FollowedCloud(cloud, marker, RATE, SPACING)
+    assert Continuity(take, left_out).total() == pytest.approx(continuity(cloud, marker).total(), rel=0.01)
+
+
 def test_both_parts_of_a_marker_are_said_to_be_one(limb):
     cloud, marker = limb
     parts = np.where(after_the_gap(cloud) & (marker == 0), len(CARRIED), marker)
