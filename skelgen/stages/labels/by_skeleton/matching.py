@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from skelgen.model import Skeleton
-from skelgen.model.arrays import Floats, Ints, rows_of_each, spread_frames
+from skelgen.model.arrays import Bools, Floats, Ints, rows_of_each, spread_frames
 from skelgen.progress import SILENT, Monitor
 from skelgen.stages.labels.by_skeleton.points import FollowedPoints
 from skelgen.stages.labels.by_skeleton.posing import SkeletonPoses, pose_skeleton
@@ -164,18 +164,24 @@ def _with_rest_of_tracks(points: FollowedPoints, marker_of_point: Ints, predicte
     n_markers = predicted.shape[1]
     most = by_track_votes(points, [marker_of_point], n_markers)
     own = np.maximum(most, 0)
-    tracks = np.maximum(points.tracks, 0)
-    held = np.bincount(tracks, (marker_of_point == most) & (most >= 0))
-    agreed = held > HELD_SHARE * np.bincount(tracks, points.tracks >= 0)
+    agreed = _most_agree(points, (marker_of_point == most) & (most >= 0), points.tracks >= 0)
     away = np.linalg.norm(points.cloud.points - predicted[points.frames, own], axis=1)
-    near = agreed[tracks] & (away < typical_spacing(points.cloud) / 2)
+    near = agreed & (away < typical_spacing(points.cloud) / 2)
     return filled_labels(points.cloud, [marker_of_point, np.where(near, most, -1)], n_markers)
 
 
-def with_whole_tracks(points: FollowedPoints, marker_of_point: Ints, n_markers: int) -> Ints:
-    """Return labels whose tracks are one marker's from end to end, but where another track of it is seen meanwhile.
+def _most_agree(points: FollowedPoints, agreeing: Bools, among: Bools) -> Bools:
+    """Whether more than `HELD_SHARE` of the points of its track that are among others agree, for each point."""
+    tracks = np.maximum(points.tracks, 0)
+    agreed, every = (np.bincount(tracks, some & (points.tracks >= 0)) for some in (agreeing & among, among))
+    return np.asarray((agreed > HELD_SHARE * every)[tracks])
 
-    A pose tells frame by frame, and in some it is off: a marker is left out there, or taken for the next one.
+
+def with_whole_tracks(points: FollowedPoints, marker_of_point: Ints, n_markers: int) -> Ints:
+    """Return labels whose tracks are that marker's from end to end which most of their points with any are.
+
+    A pose tells frame by frame, and in some it is off: a marker is left out there, or taken for the next one. Tracks
+    stay as they are where another one of the marker is seen meanwhile.
 
     Parameters
     ----------
@@ -187,7 +193,8 @@ def with_whole_tracks(points: FollowedPoints, marker_of_point: Ints, n_markers: 
         Number of markers.
     """
     voted = by_track_votes(points, [marker_of_point], n_markers)
-    return filled_labels(points.cloud, [voted, marker_of_point], n_markers)
+    agreed = _most_agree(points, marker_of_point == voted, marker_of_point >= 0)
+    return filled_labels(points.cloud, [np.where(agreed, voted, -1), marker_of_point], n_markers)
 
 
 def _refined(

@@ -91,8 +91,7 @@ def refit_labels(
         if turn > 0:
             before, _ = pose_and_reassign(points, best, skeleton, monitor)
         whole = with_whole_tracks(points, before, calibrated.n_markers)
-        begun = fused_labels(take, *(labels.astype(np.int32) for labels in (before, whole)))
-        fitted = _fitted(task, begun, calibrated.n_markers, monitor)
+        fitted = _fitted(task, takes.fused(before, whole), calibrated.n_markers, monitor)
         found, more = takes.confirmed(takes.put_right(fitted), fitted, points, skeleton)
         if more <= evidence:
             break
@@ -155,6 +154,10 @@ class _TwoTakes:
     def evidence(self, marker_of_point: Ints) -> float:
         """How well labels of the take explain both, where moments count by how much the posture changes [nats]."""
         return replace(self.both, by_posture=True).evidence(self._with_known(marker_of_point))[0]
+
+    def fused(self, found: Ints, other: Ints) -> Ints:
+        """Marker of each point of the take by labels found or others, part by part, whichever explain both more."""
+        return fused_labels(self.both, self._with_known(found), self._with_known(other))[len(self.known) :]
 
     def put_right(self, marker_of_point: Ints) -> Ints:
         """Marker of each point of the take when all that distances of both takes tell is put right."""

@@ -138,18 +138,17 @@ class FollowedCloud:
         before, after : ndarray of intp, shape (n_pairs,)
             Points, and later ones.
         """
-        track, place = self.track_of_point, self._place_on_track
-        is_of_one = (track[before] == track[after]) & (track[before] >= 0)
-        return np.asarray(is_of_one & (place[after] > place[before] + 1))
-
-    @cached_property
-    def _place_on_track(self) -> Ints:
-        """The how-manieth of its track each point is, shape (n_points,)."""
-        order = np.argsort(self.track_of_point, kind="stable")
-        starts = np.flatnonzero(np.diff(self.track_of_point[order], prepend=-2))
-        place = np.empty(len(order), dtype=np.int32)
-        place[order] = np.arange(len(order)) - np.repeat(starts, np.diff(starts, append=len(order)))
-        return place
+        track, result = self.track_of_point, np.zeros(len(before), dtype=bool)
+        pairs = np.flatnonzero((track[before] == track[after]) & (track[before] >= 0))
+        if len(pairs):
+            concerned = np.zeros(int(track.max()) + 2, dtype=bool)  # the last place is that of no track, -1
+            concerned[track[before[pairs]]] = True
+            points = np.flatnonzero(concerned[track])
+            points = points[np.argsort(track[points], kind="stable")]
+            place = np.empty(len(track), dtype=np.intp)
+            place[points] = np.arange(len(points))
+            result[pairs] = place[after[pairs]] > place[before[pairs]] + 1
+        return result
 
     def unlabelled_per_track(self, marker_of_point: Ints) -> Ints:
         """Return how many points of each track have no marker, up to the last track with any.
