@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 
+from skelgen_formats.flags import Flag
 from skelgen_formats.turn_titles import AXES, COMPONENTS
 
 
@@ -11,7 +12,7 @@ class Body:
 
     Angles about x, y and z stand for a quaternion where there is none; with the order in which they turn and
     their unit, if titles say it; or the cells of a matrix. A fourth column beside x, y and z may show that these are a
-    quaternion, a flag whether the point is seen; a graded one says how surely, and 0 of a point that is not.
+    quaternion; columns of flags whether the point is seen, or how surely.
     """
 
     name: str
@@ -21,9 +22,7 @@ class Body:
     angles: dict[str, int] = field(default_factory=dict)
     matrix: dict[str, int] = field(default_factory=dict)
     fourth: int | None = None
-    flag: int | None = None
-    flag_of_unseen: float = 0.0
-    is_graded: bool = False
+    flags: dict[int, Flag] = field(default_factory=dict)
     stated_order: str = ""
     angle_unit: str = ""
 
@@ -60,7 +59,7 @@ class Body:
 
     @property
     def every_column(self) -> set[int]:
-        """All columns that belong to it, but its fourth one and its flag."""
+        """All columns that belong to it, but its fourth one and its flags."""
         return {at for part in (self.place, self.turn, self.angles, self.matrix) for at in part.values()}
 
     def columns(self, *, turned: bool) -> list[int]:

@@ -1,57 +1,120 @@
-"""Words that say of points whether they are seen, in titles of columns, keys of arrays, and cells."""
+"""What says of points whether they are seen: titles of columns, keys of arrays, and their cells and numbers.
 
+A flag that is empty says no: what nothing calls visible, or how sure, is unseen; what nothing calls hidden is seen. A
+state that is empty or unknown says nothing, nor does a flag or confidence that a point never has.
+"""
+
+import contextlib
+import re
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from skelgen.model.arrays import Floats
-from skelgen_formats.body_columns import Body
-from skelgen_formats.text import is_number
+from skelgen_formats.text import is_number, is_unseen
 
 FLAG_WORD = (
-    r"(?:v|(?:is_?)?(?:valid|visible|tracked|seen|(occluded|hidden|lost|missing))"
-    r"|(conf|confidences?|likelihoods?|scores?|visibility))"
+    r"(?:v|(?:is_?)?(?:valid|visible|tracked|seen|(?P<hides>occluded|hidden|lost|missing))|tracking_?state"
+    r"|(?P<graded>conf|confidences?|likelihoods?|scores?|visibility)|(?P<in_words>status|state))"
 )
-"""What says whether a point is seen, is not, or how sure it is, each a group but the first; to be read in any case."""
-
-STATES = ("status", "state", "tracking_state")
-"""Keys of what says in words whether a point is seen; their numbers are codes."""
+"""What says whether a point is seen, is not, how sure it is, or in words; to be read in any case."""
 
 _TRUTH = dict.fromkeys(("true", "t", "yes", "y", "1", "1.0"), True)
 _TRUTH |= dict.fromkeys(("false", "f", "no", "n", "0", "0.0"), False)
 _OF_STATE = dict.fromkeys(("ok", "good", "valid", "visible", "seen", "measured", "tracked", "inferred"), True)
 _OF_STATE |= dict.fromkeys(("bad", "invalid", "unseen", "hidden", "occluded", "lost", "missing", "untracked"), False)
 _OF_STATE |= dict.fromkeys(("nottracked", "not_tracked", "not tracked"), False)
+_NOT_SURE = (0.0, -1.0)  # the latter as residuals of C3D
 
 
-def is_seen(cell: str, *, hides: bool = False, in_words: bool = False) -> bool | None:
+@dataclass(frozen=True)
+class Flag:
+    """What a column or array of flags says of a point.
+
+    Attributes
+    ----------
+    hides : bool
+        Whether its title asks if the point is hidden.
+    is_graded : bool
+        Whether its numbers say how surely the point is seen.
+    in_words : bool
+        Whether its numbers say nothing, as they are codes.
+    """
+
+    hides: bool = False
+    is_graded: bool = False
+    in_words: bool = False
+
+
+def flag_of(title: str) -> Flag | None:
+    """Return what flags of this title say; None if these are no flags.
+
+    Parameters
+    ----------
+    title : str
+        A word in any case.
+    """
+    match = re.fullmatch(FLAG_WORD, title, re.IGNORECASE)
+    return Flag(bool(match["hides"]), bool(match["graded"]), bool(match["in_words"])) if match else None
+
+
+def is_seen(cell: str, flag: Flag) -> bool | None:
     """Return whether a point is seen by what a cell says; None if it says neither.
 
     Parameters
     ----------
     cell : str
         Yes or no, 1 or 0, or a state such as lost, which means the same under any title.
-    hides : bool
-        Whether the title asks if the point is hidden.
-    in_words : bool
-        Whether numbers say nothing.
+    flag : Flag
+        What the title says of it.
     """
     word = cell.strip().lower()
     if word in _OF_STATE:
         return _OF_STATE[word]
-    return None if word not in _TRUTH or (in_words and is_number(word)) else _TRUTH[word] != hides
+    return None if word not in _TRUTH or (flag.in_words and is_number(word)) else _TRUTH[word] != flag.hides
 
 
-def all_seen(values: Any, *, hides: bool = False, in_words: bool = False) -> Floats | None:
-    """Return 0 for what is missing and for each text by which a point is not seen, else 1; None if some are no texts.
+def is_of_flag(cell: str, flag: Flag) -> bool:
+    """Whether a cell may stand under a title of flags: empty, a word that is known, a count, or any grade.
+
+    Parameters
+    ----------
+    cell, flag
+        As for `is_seen`.
+    """
+    word = cell.strip()
+    is_known = is_unseen(word) or flag.is_graded or is_seen(word, flag) is not None
+    return is_known or (word.isdecimal() and not flag.in_words)
+
+
+def number_of(cell: str, flag: Flag) -> float:
+    """Return what a word or number says of a point as a number under the same title; NaN if it is empty.
+
+    Parameters
+    ----------
+    cell, flag
+        As for `is_seen`.
+    """
+    word = cell.strip()
+    if not flag.in_words:
+        with contextlib.suppress(ValueError):
+            return float(word.replace(",", "."))
+        if is_unseen(word) and word.lower() not in _OF_STATE:
+            return np.nan
+    return float((is_seen(word, flag) is not False) != flag.hides)
+
+
+def numbers_of(values: Any, flag: Flag) -> NDArray[np.float64] | None:
+    """Return the numbers of words, NaN for what is missing; None if some are no texts.
 
     Parameters
     ----------
     values : array_like of str or None
         Of any shape.
-    hides, in_words
-        As for `is_seen`.
+    flag : Flag
+        What the title says of them.
     """
     try:
         texts = np.asarray(values, dtype=object)
@@ -59,25 +122,43 @@ def all_seen(values: Any, *, hides: bool = False, in_words: bool = False) -> Flo
         return None
     if not texts.size or not all(one is None or isinstance(one, str) for one in texts.flat):
         return None
-    told = {one: one is not None and is_seen(one, hides=hides, in_words=in_words) for one in set(texts.flat)}
-    return np.array([float(told[one] is not False) for one in texts.flat]).reshape(texts.shape)
+    told = {one: number_of(one or "", flag) for one in set(texts.flat)}
+    return np.array([told[one] for one in texts.flat]).reshape(texts.shape)
 
 
-def with_flags(line: str, flags: Mapping[int, Body], delimiter: str | None) -> str:
-    """Return a line of a table with numbers for words in the columns of flags; a word that says nothing is left out.
+def are_unseen(numbers: NDArray[Any], flag: Flag) -> NDArray[np.bool_]:
+    """Return where points are unseen by the numbers of their flags, shape (n_frames, n_points); nowhere if everywhere.
+
+    Parameters
+    ----------
+    numbers : ndarray, shape (n_frames, n_points)
+        Of each point whole ones, or grades; NaN where nothing stands.
+    flag : Flag
+        What the title says of them.
+    """
+    values = numbers.astype(np.float64)
+    is_empty = np.isnan(values)
+    with np.errstate(invalid="ignore"):
+        tells = flag.is_graded | (is_empty | (values == np.round(values))).all(axis=0)  # else knee_v is a speed
+    no = is_empty | np.isin(values, _NOT_SURE)
+    unseen: NDArray[np.bool_] = tells & ~is_empty.all(axis=0) & (~no if flag.hides else no)
+    return np.zeros_like(unseen) if unseen.all() else unseen
+
+
+def with_flags(line: str, flags: Mapping[int, Flag], delimiter: str | None) -> str:
+    """Return a line of a table with numbers for words in the columns of flags.
 
     Parameters
     ----------
     line : str
         The line.
-    flags : mapping of int to Body
-        Whose flag each column is.
+    flags : mapping of int to Flag
+        What each column says.
     delimiter : str or None
         What separates cells, None for blanks.
     """
     cells = line.split(delimiter)
-    for column, body in flags.items():
-        if column < len(cells) and not is_number(cells[column].strip()):
-            seen = is_seen(cells[column], hides=bool(body.flag_of_unseen))
-            cells[column] = "nan" if seen is None else f"{int(seen != bool(body.flag_of_unseen))}"
+    for column, flag in flags.items():
+        if column < len(cells):
+            cells[column] = f"{number_of(cells[column], flag):g}"
     return (delimiter or " ").join(cells)

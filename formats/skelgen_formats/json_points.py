@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from skelgen.errors import FormatError
 from skelgen.model import PointCloud, Poses, Trajectories
-from skelgen_formats.flags import FLAG_WORD, STATES, all_seen
+from skelgen_formats.flags import flag_of, numbers_of
 from skelgen_formats.lines import Lines, read_lines
 from skelgen_formats.named_arrays import take_from_arrays
 from skelgen_formats.options import POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
@@ -179,11 +179,12 @@ def _leaves(value: Any, path: _Path) -> Iterator[tuple[_Path, Any]]:
 
 
 def _with_flags(path: _Path, leaf: Any) -> tuple[_Path, Any]:
-    """Return 1 and 0 for words that say whether points are seen, under `seen`; anything else as it is."""
-    key = CAMEL.sub("_", path[-1]).lower() if path else ""
-    flag = re.fullmatch(FLAG_WORD, key)
-    told = all_seen(leaf, hides=bool(flag and flag[1]), in_words=key in STATES) if flag or key in STATES else None
-    return (path, leaf) if told is None else ((*path[:-1], "seen"), told.tolist())
+    """Return numbers for words that say whether points are seen, of states under `seen`; anything else as it is."""
+    flag = flag_of(path[-1]) if path else None
+    told = numbers_of(leaf, flag) if flag else None
+    if flag is None or told is None:
+        return path, leaf
+    return (*path[:-1], "seen" if flag.in_words else path[-1]), told.tolist()
 
 
 def _plain(value: Any) -> Any:

@@ -23,7 +23,7 @@ from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.model.arrays import Floats
 from skelgen.progress import counted
 from skelgen_formats.clock_titles import clock_of
-from skelgen_formats.flags import FLAG_WORD, all_seen
+from skelgen_formats.flags import are_unseen, flag_of, numbers_of
 from skelgen_formats.options import Options
 from skelgen_formats.table_heads import CAMEL
 from skelgen_formats.text import is_number, seconds_of
@@ -114,23 +114,17 @@ def _without_unseen(numbers: NDArray[Any], names: Sequence[str], arrays: Arrays,
     shape, are_seen = numbers.shape[:2], np.ones(numbers.shape[:2], dtype=np.bool_)
     for key, array in arrays.items():
         owner, _, word = key.rpartition(".")
-        flag = re.fullmatch(FLAG_WORD, word, re.IGNORECASE)
-        if flag is None or (array.dtype.kind in "bfiu" and not array.any()):
+        flag = flag_of(word)
+        are_codes = array.dtype.kind in "bfiu" and (flag is None or flag.in_words)
+        told = array if flag is None or array.dtype.kind in "bfiu" else numbers_of(array, flag)
+        if flag is None or are_codes or told is None:
             continue
-        if array.dtype.kind in "bfiu":
-            tells = array == 0 if flag[1] else np.nan_to_num(array) > 0
-        elif (in_words := all_seen(array, hides=bool(flag[1]))) is not None:
-            tells = in_words > 0
-        else:
-            continue
-        if tells.shape in (shape, shape[::-1]):
-            are_seen &= tells if tells.shape == shape else tells.T
-        elif owner in names and tells.shape == shape[:1]:
-            are_seen[:, names.index(owner)] &= tells
-    if are_seen.all():
-        return numbers
-    positions = counted(int((~are_seen).sum()), "position is", "positions are")
-    notices.append(f"{positions} unseen, as flags or confidences say")
+        if told.shape in (shape, shape[::-1]):
+            are_seen &= ~are_unseen(told if told.shape == shape else told.T, flag)
+        elif owner in names and told.shape == shape[:1]:
+            are_seen[:, names.index(owner)] &= ~are_unseen(told[:, np.newaxis], flag)[:, 0]
+    if hidden := int((~are_seen & ~np.isnan(numbers.reshape(*shape, -1)).any(axis=2)).sum()):
+        notices.append(f"{counted(hidden, 'position is', 'positions are')} unseen, as flags or confidences say")
     return np.where(are_seen[..., np.newaxis], numbers, np.nan)
 
 

@@ -14,11 +14,12 @@ from operator import mul
 
 from skelgen_formats.body_columns import Body
 from skelgen_formats.clock_titles import Clock, clock_of, is_frame
-from skelgen_formats.flags import is_seen
+from skelgen_formats.flags import is_of_flag
 from skelgen_formats.options import MM_PER_UNIT
 from skelgen_formats.text import (
     is_number,
     is_unseen,
+    mark_in,
     seconds_of,
     unit_behind,
     unquoted,
@@ -223,16 +224,16 @@ def _read_names(head: Head, every: list[list[str]]) -> None:
 
 
 def _read_rows(head: Head, every: list[list[str]]) -> None:
-    """Find out whether rows of several take turns, and leave out flags that hold no 0 or 1."""
+    """Find out whether rows of several take turns, and leave out flags that do not begin with one."""
     rows = every[head.n_lines :]
     cells = [row[column] for row in rows for body in head.bodies for column in body.place.values() if column < len(row)]
-    head.unit_in_cells = unit_behind(cells)
+    head.unit_in_cells, head.mark = unit_behind(cells), mark_in(cells)
     head.unit = head.unit_in_cells or head.unit
     for body in head.bodies:
-        is_flag = body.flag is None or all(
-            [*map(is_seen, row[body.flag : body.flag + 1])] not in ([], [None]) for row in rows[:1]
-        )
-        body.flag = body.flag if is_flag or body.is_graded else None
+        for at, flag in [*body.flags.items()]:
+            cells = [row[at] for row in rows if at < len(row) and not is_unseen(row[at])]
+            if not all(is_of_flag(cell, flag) for cell in cells[:1]):
+                del body.flags[at]
     if head.frames is not None and not all(is_number(row[head.frames]) for row in rows[:1] if head.frames < len(row)):
         head.frames = None  # ROS has frame_id, of coordinates
     head.owners = _owners(head, every[head.n_lines - 1], rows)

@@ -89,8 +89,8 @@ def unquoted_rows(lines: Iterable[tuple[int, str]], delimiter: str | None, least
             yield number, unquoted(line, delimiter)
 
 
-def with_numbers(numbered: Iterable[tuple[int, str]], head: Head) -> Iterator[tuple[int, str]]:
-    """Yield lines with 1 and 0 for true, false and the like, if flags say what is seen, and without units in cells.
+def with_plain_numbers(numbered: Iterable[tuple[int, str]], head: Head) -> Iterator[tuple[int, str]]:
+    """Yield lines without the units that stand behind numbers in cells, and the marks between thousands.
 
     Parameters
     ----------
@@ -99,11 +99,27 @@ def with_numbers(numbered: Iterable[tuple[int, str]], head: Head) -> Iterator[tu
     head : Head
         Of the table.
     """
-    flags = {body.flag: body for body in head.bodies if body.flag is not None}
     unit = re.compile(rf"(?<=[\d.]) ?{head.unit_in_cells}\b") if head.unit_in_cells else None
+    start, mark = rf"(?<![^\s{re.escape(head.delimiter or ' ')}+-])", re.escape(head.mark)
+    grouped = re.compile(rf"{start}[1-9]\d{{0,2}}(?:{mark}\d{{3}})+(?!\d)") if mark else None
     for number, line in numbered:
         plain = unit.sub("", line) if unit else line
-        yield number, with_flags(plain, flags, head.delimiter) if flags else plain
+        yield number, grouped.sub(lambda match: match[0].replace(head.mark, ""), plain) if grouped else plain
+
+
+def with_numbers(numbered: Iterable[tuple[int, str]], head: Head) -> Iterator[tuple[int, str]]:
+    """Yield lines with numbers for words in the columns of flags, such as 1 and 0 for true and false.
+
+    Parameters
+    ----------
+    numbered : iterable of (number, line)
+        Of rows.
+    head : Head
+        Of the table.
+    """
+    flags = {column: flag for body in head.bodies for column, flag in body.flags.items()}
+    for number, line in numbered:
+        yield number, with_flags(line, flags, head.delimiter) if flags else line
 
 
 def without_remarks(

@@ -31,7 +31,11 @@ _TIMECODE = re.compile(r"(\d\d:\d\d:\d\d)[:;.,](\d\d)(?:\.\d\d?)?")  # SMPTE, fr
 _WITH_UNIT = re.compile(r"[-+]?[\d.,]+(?:e[-+]?\d+)? ?(mm|cm|m)", re.IGNORECASE)
 _LASTED = re.compile(r"(\d+(?:\.\d+)?(?:e-?\d+)?) ?(ms|s|sec|min)", re.IGNORECASE)
 _SECONDS = {"ms": 1e-3, "s": 1.0, "sec": 1.0, "min": 60.0}
-_THOUSANDS = re.compile(r"[-+]?\d{1,3}([.,' ]\d{3})+([.,]\d+)?")
+_SURE_MARKS = r"'\u2019\u00a0\u2009\u202f"  # between thousands, and nowhere else in a number
+_THOUSANDS = re.compile(rf"[-+]?\d{{1,3}}([., {_SURE_MARKS}]\d{{3}})+([.,]\d+)?")
+_GROUPED = re.compile(
+    rf"[-+]?\d{{1,3}}(?:([., {_SURE_MARKS}])\d{{3}}(?:\1\d{{3}})*(?!\1)[.,]\d+|([{_SURE_MARKS}])\d{{3}}(?:\2\d{{3}})*)"
+)
 _FORMULAS = ("=", "+", "-", "@", "\t", "\r")
 _SHOWN_CHARACTERS = 40  # of a bad cell in an error: enough to find it, not a screenful
 
@@ -91,6 +95,18 @@ def unit_behind(cells: Iterable[str]) -> str:
     """Return the unit of length that stands behind numbers in cells, such as 12.3 mm; empty if none or several do."""
     units = {match[1] for match in map(_WITH_UNIT.fullmatch, cells) if match}
     return units.pop() if len(units) == 1 else ""
+
+
+def mark_in(cells: Iterable[str]) -> str:
+    """Return what parts thousands in numbers, such as 1,234.5 or 1'234; empty if nothing surely does, or several do.
+
+    Parameters
+    ----------
+    cells : iterable of str
+        Without blanks around them.
+    """
+    marks = {match[1] or match[2] for match in map(_GROUPED.fullmatch, cells) if match}
+    return marks.pop() if len(marks) == 1 else ""
 
 
 def seconds_of(text: str) -> str:

@@ -9,6 +9,7 @@ table. Cells are parted by commas, semicolons, tabs, strokes or blanks. Where fr
 times tell them; where nothing tells them, the rows of a name follow each other.
 """
 
+import math
 from array import array
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -21,12 +22,12 @@ from skelgen.errors import FormatError
 from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.model.arrays import Floats, Ints
 from skelgen.progress import counted
-from skelgen_formats.flags import is_seen
+from skelgen_formats.flags import Flag, is_seen, number_of
 from skelgen_formats.lines import Lines, decoded_head, read_lines
 from skelgen_formats.options import ANGLE_ORDER, AUTO, POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
 from skelgen_formats.row_owners import spread
-from skelgen_formats.table_rows import FOLLOWING, notice_skipped, with_numbers, without_remarks
-from skelgen_formats.text import is_number, number_or_nan, seconds_of, unquoted
+from skelgen_formats.table_rows import FOLLOWING, notice_skipped, with_plain_numbers, without_remarks
+from skelgen_formats.text import is_number, is_unseen, number_or_nan, seconds_of, unquoted
 from skelgen_formats.tidy_heads import AXIS_IN_NAME, TidyHead, find_tidy_head
 from skelgen_formats.time_stamps import since_first
 from skelgen_formats.title_lines import UNREAD_QUATERNION
@@ -34,7 +35,8 @@ from skelgen_formats.turn_titles import AXES, numbered_quaternions
 from skelgen_formats.wide import take_from_head
 
 _HIDDEN = -np.inf  # in place of a grade
-_FLAGS = {"flag": {}, "hidden": {"hides": True}, "state": {"in_words": True}}  # how each is read
+_FLAGS = {"flag": Flag(), "hidden": Flag(hides=True), "state": Flag(in_words=True)}
+_GRADE = Flag(is_graded=True)
 _RESIDUAL_OF_UNSEEN = -1.0  # as in C3D files
 _LONG_STEP = 1000.0  # frames; where more are missing, it does not matter how many
 
@@ -100,7 +102,7 @@ def read_tidy(path: Path, lines: Lines, options: Options) -> Trajectories | Poin
     _check_rows(path, head, places, points)
     if head.frames is not None and len(rows.takes) < 2:
         notice_skipped(Counter(np.diff(every).clip(max=_LONG_STEP).astype(int).tolist()), head.notices)
-    cells = _sure(np.frombuffer(rows.numbers).reshape(-1, width), np.frombuffer(rows.grades), head)
+    cells = _sure(np.frombuffer(rows.numbers).reshape(-1, width), np.frombuffer(rows.grades), points, head)
     shape = (len(every), n_names * _n_points_of_name(head))
     numbers = spread(path, cells, np.stack([places, points], axis=1), shape)
     times = np.array([rows.times[frame] for frame in every.tolist() if frame in rows.times])  # of the first trial
@@ -111,9 +113,13 @@ def read_tidy(path: Path, lines: Lines, options: Options) -> Trajectories | Poin
     return take_from_head(path, numbers, names, head, stamps, options)
 
 
-def _sure(cells: Floats, grades: Floats, head: TidyHead) -> Floats:
-    """Return the numbers of rows, NaN where a point is hidden, or has the grade 0, if that is not the grade of all."""
-    is_hidden, unsure = grades == _HIDDEN, grades <= 0.0
+def _sure(cells: Floats, grades: Floats, points: Ints, head: TidyHead) -> Floats:
+    """Return the numbers of rows, NaN where a point is hidden, or has the grade 0, if that is not the grade of all.
+
+    Rows without a grade are of a point that is unseen there, unless it never has one.
+    """
+    has_grade = np.bincount(points, weights=~np.isnan(grades)) > 0
+    is_hidden, unsure = grades == _HIDDEN, (grades <= 0.0) | (np.isnan(grades) & has_grade[points])
     unsure = is_hidden if unsure.all() else unsure
     if unsure.any():
         positions = counted(int(unsure.sum()) // _n_points_of_name(head), "position is", "positions are")
@@ -141,7 +147,7 @@ def _check_rows(path: Path, head: TidyHead, places: Ints, points: Ints) -> None:
 def _rows(path: Path, lines: Lines, head: TidyHead) -> _Rows:
     at, clock = head.at, head.clock
     rows, columns, count, left_out = _Rows(), head.columns, Counter[tuple[object, ...]](), 0
-    flags = [(what, tells) for what, tells in _FLAGS.items() if what in at]
+    flags = [(at[what], flag) for what, flag in _FLAGS.items() if what in at]
     parts = [at[what] for what in ("name", "group") if what in at and "name" in at]
     for number, cells in _cells(path, lines, head, rows.notices):
         time = clock.moment(cells) if clock else ""
@@ -169,7 +175,7 @@ def _rows(path: Path, lines: Lines, head: TidyHead) -> _Rows:
             rows.times[frame] = number_or_nan(path, number, time, "the time")
         numbers = [number_or_nan(path, number, cells[column], "a coordinate") for column in columns]
         rows.numbers.extend(numbers)
-        is_hidden = any(is_seen(cells[at[what]], **tells) is False for what, tells in flags)
+        is_hidden = any(is_seen(cells[column], flag) is False for column, flag in flags)
         rows.grades.append(_HIDDEN if is_hidden else _grade(path, number, at, cells))
     if left_out:
         rows.notices.append(f"{counted(left_out, 'row is', 'rows are')} of no x, y or z, and left out")
@@ -177,19 +183,20 @@ def _rows(path: Path, lines: Lines, head: TidyHead) -> _Rows:
 
 
 def _grade(path: Path, number: int, at: Mapping[str, int], cells: Sequence[str]) -> float:
-    """How surely a point is seen by its confidence, in numbers or words, and by its residual."""
+    """How surely a point is seen by its confidence, in numbers or words, and by its residual; NaN if nothing says."""
     grade, residual = (cells[at[what]].strip() if what in at else "1" for what in ("grade", "residual"))
     if is_number(residual) and number_or_nan(path, number, residual, "a residual") == _RESIDUAL_OF_UNSEEN:
         return 0.0
-    is_graded = is_number(grade)
-    return number_or_nan(path, number, grade, "a grade") if is_graded else float(is_seen(grade) is not False)
+    if "flag" in at and is_unseen(cells[at["flag"]].strip()):
+        return math.nan
+    return number_of(grade, _GRADE)
 
 
 def _cells(path: Path, lines: Lines, head: TidyHead, notices: list[str]) -> Iterator[tuple[int, list[str]]]:
     """Yield the cells of each row, and its number; all that are wanted are there."""
     n_cells = max(*head.at.values(), *head.columns, head.frames or 0) + 1
     plain = ((number, unquoted(line, head.delimiter)) for number, line in lines.numbered(head.n_lines))
-    for number, line in without_remarks(with_numbers(plain, head), head.delimiter, head.counts, notices):
+    for number, line in without_remarks(with_plain_numbers(plain, head), head.delimiter, head.counts, notices):
         cells = line.split(head.delimiter)
         further = len(head.titles) if head.delimiter else len(cells)
         if len(cells) < n_cells or any(map(str.strip, cells[further:])) or further < len(head.titles):

@@ -13,7 +13,7 @@ from skelgen_formats.body_columns import Body
 from skelgen_formats.clock_titles import clock_of, is_frame
 from skelgen_formats.spelling import spelt
 from skelgen_formats.table_heads import CAMEL, DELIMITERS, with_row_names
-from skelgen_formats.text import is_number, unit_behind, unquoted, words_of
+from skelgen_formats.text import is_number, mark_in, unit_behind, unquoted, words_of
 from skelgen_formats.title_lines import Head
 from skelgen_formats.titles import bodies_of, nameless_body
 from skelgen_formats.turn_titles import AXES
@@ -127,7 +127,7 @@ def _head_of(titles: Sequence[str], cells_of: Callable[[int], list[str]]) -> Tid
     is_tidy = body.is_placed and ("name" in at or not every) and titles.count(titles[body.place["x"]]) == 1
     head = TidyHead([body], frames=next(iter(frames), None), clock=clock, unit=body.unit, titles=titles, at=at)
     numbers = [cell for column in (*body.place.values(), *values) for cell in cells_of(column)]
-    head.unit_in_cells = unit_behind(numbers)
+    head.unit_in_cells, head.mark = unit_behind(numbers), mark_in(numbers)
     head.unit = head.unit_in_cells or head.unit
     return head if is_by_axis or is_tidy else None
 

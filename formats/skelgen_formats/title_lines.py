@@ -46,8 +46,8 @@ class Head:
         Columns with times.
     unit, rate : str
         Unit of length and frame rate as stated, empty if they are not.
-    unit_in_cells : str
-        The unit that stands behind each number, if one does.
+    unit_in_cells, mark : str
+        The unit that stands behind each number, and what parts thousands, if something does.
     n_cells, n_lines : int
         Cells of a row, and lines above the first.
     titles : sequence of str
@@ -65,6 +65,7 @@ class Head:
     unit: str = ""
     rate: str = ""
     unit_in_cells: str = ""
+    mark: str = ""
     n_cells: int = 0
     n_lines: int = 1
     titles: Sequence[str] = ()

@@ -17,7 +17,7 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
 from skelgen_formats.body_columns import Body
-from skelgen_formats.flags import FLAG_WORD
+from skelgen_formats.flags import FLAG_WORD, flag_of
 from skelgen_formats.spelling import LENGTH, OF_VERSION, PLACE_WORD, spelt
 from skelgen_formats.text import is_number, is_unseen
 from skelgen_formats.turn_titles import (
@@ -45,7 +45,7 @@ _NAMED_PLACE = re.compile(rf"(.{{1,200}}?)(?:{BETWEEN}(?i:{PLACE_WORD})|(?:Pos|P
 UNIT_WORDS = {"unit", "units"}
 """Keys of what is no number but the unit of others."""
 
-_FLAG = re.compile(rf"(.{{1,200}}?){BETWEEN}{FLAG_WORD}", re.IGNORECASE)
+_FLAG = re.compile(rf"(.{{1,200}}?){BETWEEN}({FLAG_WORD})", re.IGNORECASE)
 _IS_ANGLE = re.compile(r".*(?:euler|rotvec|rot|rotation|ori|orientation)[ _.:-]?[xyz]", re.IGNORECASE)
 _BRACKETED = re.compile(r"^[\[(]([^\[\]()]+)[\])]$")
 _SENSED = re.compile(r"[agmwfv][xyz]", re.IGNORECASE)  # of inertial sensors and force plates: ax, gy, Fz
@@ -133,13 +133,12 @@ def _with_fourths(bodies: list[Body], titles: Sequence[str], word: str) -> list[
     found = [_FOURTH.fullmatch(title.strip()) for title in titles]
     fourths = {match[1]: column for column, match in enumerate(found) if match and match[2].lower() == word}
     marks = {at: match for at, title in enumerate(titles) if (match := _FLAG.fullmatch(title.strip()))}
-    flags = {match[1].lower(): at for at, match in marks.items()}
     for body in bodies:
         body.fourth = None if body.is_turned else fourths.get(body.name)
         behind = max(body.place.values()) + 1
-        body.flag = flags.get(body.name.lower(), behind if behind in flags.values() else None)
-        if mark := marks.get(-1 if body.flag is None else body.flag):
-            body.flag_of_unseen, body.is_graded = float(mark[2] is not None), mark[3] is not None
+        own = [at for at, match in marks.items() if match[1].lower() == body.name.lower()]
+        found_flags = {at: flag_of(marks[at][2]) for at in own or [at for at in (behind,) if at in marks]}
+        body.flags = {at: flag for at, flag in found_flags.items() if flag}
     return bodies
 
 

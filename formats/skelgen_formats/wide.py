@@ -26,6 +26,7 @@ from skelgen.progress import counted
 from skelgen_formats.assumed_units import mm_per_recorded_unit, notice_images, notice_landmarks
 from skelgen_formats.bodies import BY_ROWS, blank_unseen, take_from_bodies, with_quaternions
 from skelgen_formats.body_columns import Body
+from skelgen_formats.flags import are_unseen
 from skelgen_formats.lines import Lines, decoded_head, read_lines
 from skelgen_formats.markers import are_outputs, equal_unseen, mm_per_unit, scaled, take_from_markers, zeros_unseen
 from skelgen_formats.options import (
@@ -47,6 +48,7 @@ from skelgen_formats.table_rows import (
     unquoted_rows,
     until_other_table,
     with_numbers,
+    with_plain_numbers,
     with_seconds,
     without_remarks,
 )
@@ -89,7 +91,7 @@ def read_table(path: Path, lines: Lines, options: Options) -> Trajectories | Poi
     if not head.bodies:
         raise FormatError(path, 1, "points have two coordinates: 2D; triangulate them first, e.g. with anipose")
     wanted = chosen_columns(head, options)
-    flags = [body.flag for body in head.bodies if body.flag is not None]
+    flags = [column for body in head.bodies for column in body.flags]
     turns = Turns()
     rows, stamps = _numbers_of(path, lines, head, [*wanted, *flags], options, turns)
     rows = _seen(rows, head.bodies, head.notices)
@@ -141,8 +143,8 @@ def _numbers_of(
     # without times, a row of empty cells is a frame in which nothing is seen
     least = 0 if times or not head.delimiter else head.n_cells - 1
     numbers = unquoted_rows(until_other_table(lines.rows(first, least=least), head), head.delimiter, least)
-    numbers = without_remarks(with_numbers(numbers, head), head.delimiter, head.counts, head.notices)
-    whole = padded_rows(numbers, len(lines), head.n_cells, head.delimiter, head.notices)
+    numbers = without_remarks(with_plain_numbers(numbers, head), head.delimiter, head.counts, head.notices)
+    whole = padded_rows(with_numbers(numbers, head), len(lines), head.n_cells, head.delimiter, head.notices)
     if head.owners:
         whole = turns.noted(whole, head)
     elif head.counts is not None:
@@ -153,29 +155,31 @@ def _numbers_of(
     stamps = rows[:, -1]
     if options.sample and options.sample.n_left_out:
         few = islice(unquoted_rows(lines.numbered(first), head.delimiter, least), options.sample.most)
-        some = with_seconds(padded_rows(few, len(lines), head.n_cells, head.delimiter, []), head)
+        plain = with_plain_numbers(few, head)
+        some = with_seconds(padded_rows(plain, len(lines), head.n_cells, head.delimiter, []), head)
         stamps = parse_rows(path, some, head.n_cells, head.delimiter, times)[:, 0]
         head.notices.append(f"the frame rate is that of the first {len(stamps)} time stamps")
     return rows[:, :-1], since_first(stamps, head.clock.second, head.clock.counts_frames)
 
 
 def _seen(rows: Floats, chosen: Sequence[Body], notices: list[str]) -> Floats:
-    """Return the numbers of points, without their flags; NaN where a flag, of 0 and 1, or graded, says "unseen"."""
-    flagged = np.array([body.flag is not None for body in chosen])
-    marks = [body for body in chosen if body.flag is not None]
+    """Return the numbers of points, without their flags; NaN where these say that one is unseen."""
+    marks = [(at, flag) for at, body in enumerate(chosen) for flag in body.flags.values()]
     numbers, flags = np.split(rows, [rows.shape[1] - len(marks)], axis=1)
-    graded = np.array([body.is_graded for body in marks], dtype=np.bool_)
-    told = flags == [body.flag_of_unseen for body in marks]
-    told[:, ~graded] &= np.isin(np.nan_to_num(flags[:, ~graded]), (0.0, 1.0)).all()
-    told[:, graded] &= not told[:, graded].all()  # of nothing that the program tracked was it sure: it does not tell
     unseen = np.zeros((len(rows), len(chosen)), dtype=np.bool_)
-    unseen[:, flagged] = told
-    if not told.any():
-        return numbers
+    told = set()
+    for kind in {flag for _, flag in marks}:
+        columns = [column for column, (_, flag) in enumerate(marks) if flag == kind]
+        by_kind = are_unseen(flags[:, columns], kind)
+        if by_kind.any():
+            for column, hidden in zip(columns, by_kind.T, strict=True):
+                unseen[:, marks[column][0]] |= hidden
+            told.add("confidence" if kind.is_graded else "flags")
     points = numbers.reshape(len(rows), len(chosen), -1).copy()
+    if n_hidden := int((unseen & ~np.isnan(points).any(axis=2)).sum()):
+        positions = counted(n_hidden, "position is", "positions are")
+        notices.append(f"{positions} unseen, as the columns of {' and '.join(sorted(told))} say")
     points[unseen] = np.nan
-    positions = counted(int(unseen.sum()), "position is", "positions are")
-    notices.append(f"{positions} unseen, as the columns of {'confidence' if graded.any() else 'flags'} say")
     return points.reshape(numbers.shape)
 
 

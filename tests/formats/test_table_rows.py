@@ -126,3 +126,25 @@ def test_units_may_stand_in_cells(put, unit, mm):
     take = read_take(put("cells.csv", f"time,a_x,a_y,a_z,b_x,b_y,b_z\n{rows}"))
     np.testing.assert_allclose(take.positions[0], np.array([[1.5, 2, 3], [4, 5, 6]]) * mm)
     assert take.rate == pytest.approx(100.0)
+
+
+@pytest.mark.parametrize(
+    ("delimiter", "cells"),
+    [
+        ("\t", ["1,234.5", "-2,000", "950.25"]),
+        (",", ['"1,234.5"', '"-2,000"', '"950.25"']),
+        (";", ["1.234,5", "-2.000", "950,25"]),
+        (";", ["1\u202f234,5", "-2\u202f000,0", "950,25"]),
+        (";", ["1'234.5", "-2'000", "950.25"]),
+    ],
+)
+def test_marks_between_thousands_are_left_out_where_something_tells_them_from_decimals(put, delimiter, cells):
+    """As spreadsheets and Java write numbers: where one is told, all are."""
+    titles = [f"{name}_{axis}" for name in ("knee", "hip") for axis in "xyz"]
+    rows = [titles, [*cells, *cells[::-1]], [*cells[::-1], *cells]]
+    take = read_take(put("marks.csv", "\n".join(map(delimiter.join, rows))), recorded_unit="mm")
+    numbers = [1234.5, -2000.0, 950.25]
+    assert take.positions.tolist() == [[numbers, numbers[::-1]], [numbers[::-1], numbers]]
+    tidy = [["frame", "marker", "x", "y", "z"], *([str(n), one, *cells] for n in range(2) for one in ("hip", "knee"))]
+    take = read_take(put("tidy.csv", "\n".join(map(delimiter.join, tidy))), recorded_unit="mm")
+    assert take.positions.tolist() == [[numbers, numbers]] * 2

@@ -305,7 +305,7 @@ def test_quaternion_that_lacks_a_component_is_told(put):
 
 
 def test_marks_between_thousands_are_told(refused, put):
-    row = "0;a;1,234.5;2;3"
+    row = "0;a;1 234;2;3"
     assert "without marks between thousands" in refused(put("marks.csv", f"frame;marker;x;y;z\n{row}\n"))
 
 
