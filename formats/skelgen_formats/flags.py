@@ -17,16 +17,18 @@ from skelgen_formats.text import is_number, is_unseen
 
 FLAG_WORD = (
     r"(?:v|(?:is_?)?(?:valid|visible|tracked|seen|(?P<hides>occluded|hidden|lost|missing))|tracking_?state"
-    r"|(?P<graded>conf|confidences?|likelihoods?|scores?|visibility)|(?P<in_words>status|state))"
+    r"|(?P<graded>cond|conf|confidences?|likelihoods?|scores?|visibility)|(?P<in_words>status|state)"
+    r"|(?P<deviates>residuals?))"
 )
-"""What says whether a point is seen, is not, how sure it is, or in words; to be read in any case."""
+"""What says whether a point is seen, is not, how sure it is, in words, or how far off; to be read in any case."""
 
 _TRUTH = dict.fromkeys(("true", "t", "yes", "y", "1", "1.0"), True)
 _TRUTH |= dict.fromkeys(("false", "f", "no", "n", "0", "0.0"), False)
 _OF_STATE = dict.fromkeys(("ok", "good", "valid", "visible", "seen", "measured", "tracked", "inferred"), True)
 _OF_STATE |= dict.fromkeys(("bad", "invalid", "unseen", "hidden", "occluded", "lost", "missing", "untracked"), False)
 _OF_STATE |= dict.fromkeys(("nottracked", "not_tracked", "not tracked"), False)
-_NOT_SURE = (0.0, -1.0)  # the latter as residuals of C3D
+RESIDUAL_OF_UNSEEN = -1.0
+"""As in C3D files."""
 
 
 @dataclass(frozen=True)
@@ -41,11 +43,14 @@ class Flag:
         Whether its numbers say how surely the point is seen.
     in_words : bool
         Whether its numbers say nothing, as they are codes.
+    deviates : bool
+        Whether its numbers are residuals, of which -1 alone says that the point is not seen, as in C3D files.
     """
 
     hides: bool = False
     is_graded: bool = False
     in_words: bool = False
+    deviates: bool = False
 
 
 def flag_of(title: str) -> Flag | None:
@@ -57,7 +62,7 @@ def flag_of(title: str) -> Flag | None:
         A word in any case.
     """
     match = re.fullmatch(FLAG_WORD, title, re.IGNORECASE)
-    return Flag(bool(match["hides"]), bool(match["graded"]), bool(match["in_words"])) if match else None
+    return Flag(*(match[kind] is not None for kind in ("hides", "graded", "in_words", "deviates"))) if match else None
 
 
 def is_seen(cell: str, flag: Flag) -> bool | None:
@@ -85,7 +90,7 @@ def is_of_flag(cell: str, flag: Flag) -> bool:
         As for `is_seen`.
     """
     word = cell.strip()
-    is_known = is_unseen(word) or flag.is_graded or is_seen(word, flag) is not None
+    is_known = is_unseen(word) or flag.is_graded or flag.deviates or is_seen(word, flag) is not None
     return is_known or (word.isdecimal() and not flag.in_words)
 
 
@@ -132,16 +137,18 @@ def are_unseen(numbers: NDArray[Any], flag: Flag) -> NDArray[np.bool_]:
     Parameters
     ----------
     numbers : ndarray, shape (n_frames, n_points)
-        Of each point whole ones, or grades; NaN where nothing stands.
+        Of each point whole ones, grades, at most 0 where it is not seen, or residuals; NaN where nothing stands.
     flag : Flag
         What the title says of them.
     """
     values = numbers.astype(np.float64)
     is_empty = np.isnan(values)
-    with np.errstate(invalid="ignore"):
-        tells = flag.is_graded | (is_empty | (values == np.round(values))).all(axis=0)  # else knee_v is a speed
-    no = is_empty | np.isin(values, _NOT_SURE)
-    unseen: NDArray[np.bool_] = tells & ~is_empty.all(axis=0) & (~no if flag.hides else no)
+    unseen: NDArray[np.bool_] = values == RESIDUAL_OF_UNSEEN
+    if not flag.deviates:
+        with np.errstate(invalid="ignore"):
+            tells = flag.is_graded | (is_empty | (values == np.round(values))).all(axis=0)  # else knee_v is a speed
+        no = is_empty | (values <= 0.0)
+        unseen = tells & ~is_empty.all(axis=0) & (~no if flag.hides else no)
     return np.zeros_like(unseen) if unseen.all() else unseen
 
 

@@ -2,6 +2,7 @@
 
 import re
 from functools import partial
+from itertools import chain
 from pathlib import Path
 
 from skelgen_formats.lines import decoded_head
@@ -17,15 +18,21 @@ _known = partial(words_of, "foreign")
 
 
 def no_file(head: bytes) -> str:
-    """Return what came instead of a file, whatever it is called, or an empty text.
+    """Return what came instead of a file, or what no table of points holds, whatever it is called, or an empty text.
 
     Parameters
     ----------
     head : bytes
         Its beginning.
     """
-    begin = head.lstrip().lower()
-    return next((sentence for start, sentence in _known()["instead"].items() if begin.startswith(start.encode())), "")
+    begin, known = head.lstrip().lower(), _known()
+    by_start = (sentence for start, sentence in known["instead"].items() if begin.startswith(start.encode()))
+    by_words = (
+        str(kind["sentence"]).format(**known["sentences"])
+        for kind in known["kinds"]
+        if any(word.encode() in head for word in kind.get("holds", ()))
+    )
+    return next(chain(by_start, by_words), "")
 
 
 def table_hint(head: bytes) -> str:

@@ -123,7 +123,7 @@ def _without_unseen(numbers: NDArray[Any], names: Sequence[str], arrays: Arrays,
             are_seen &= ~are_unseen(told if told.shape == shape else told.T, flag)
         elif owner in names and told.shape == shape[:1]:
             are_seen[:, names.index(owner)] &= ~are_unseen(told[:, np.newaxis], flag)[:, 0]
-    if hidden := int((~are_seen & ~np.isnan(numbers.reshape(*shape, -1)).any(axis=2)).sum()):
+    if hidden := int((~are_seen & ~np.isnan(numbers).any(axis=tuple(range(2, numbers.ndim)))).sum()):
         notices.append(f"{counted(hidden, 'position is', 'positions are')} unseen, as flags or confidences say")
     return np.where(are_seen[..., np.newaxis], numbers, np.nan)
 

@@ -100,7 +100,7 @@ def find_head(lines: Sequence[str]) -> Head | None:
         for first, find in chain.from_iterable(product(starts, some) for some in finders):
             if (head := find(every[first : first + _TITLE_LINES])) is not None:
                 head.delimiter, head.n_lines = delimiter, head.n_lines + first
-                _read_preamble(head, every[:first])
+                read_preamble(head, every[:first])
                 for row in reversed(every[max(first - _LEVELS, 0) : first]):
                     _read_groups(head, row)
                 _pass_further_titles(head, every)
@@ -143,7 +143,16 @@ def with_row_names(rows: list[list[str]]) -> list[list[str]]:
     return rows
 
 
-def _read_preamble(head: Head, before: list[list[str]]) -> None:
+def read_preamble(head: Head, before: Sequence[Sequence[str]]) -> None:
+    """Find unit and frame rate in the lines before the titles.
+
+    Parameters
+    ----------
+    head : Head
+        Of the table; gets what they say, where it has no unit or rate.
+    before : sequence of sequences of str
+        Cells of these lines, without what begins a comment.
+    """
     texts = []
     for row in ([cell for cell in row if cell] for row in before):
         are_whole = sum(map(bool, map(_STATES.search, row))) > 1

@@ -13,21 +13,22 @@ import math
 from array import array
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 from skelgen.errors import FormatError
+from skelgen.geometry.frame_rate import AS_RECORDED_RATE
 from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.model.arrays import Floats, Ints
 from skelgen.progress import counted
-from skelgen_formats.flags import Flag, is_seen, number_of
+from skelgen_formats.flags import RESIDUAL_OF_UNSEEN, Flag, is_seen, number_of
 from skelgen_formats.lines import Lines, decoded_head, read_lines
 from skelgen_formats.options import ANGLE_ORDER, AUTO, POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
 from skelgen_formats.row_owners import spread
 from skelgen_formats.table_rows import FOLLOWING, notice_skipped, with_plain_numbers, without_remarks
-from skelgen_formats.text import is_number, is_unseen, number_or_nan, seconds_of, unquoted
+from skelgen_formats.text import is_number, is_unseen, number_or_nan, rate_in, seconds_of, unquoted
 from skelgen_formats.tidy_heads import AXIS_IN_NAME, TidyHead, find_tidy_head
 from skelgen_formats.time_stamps import since_first
 from skelgen_formats.title_lines import UNREAD_QUATERNION
@@ -37,7 +38,6 @@ from skelgen_formats.wide import take_from_head
 _HIDDEN = -np.inf  # in place of a grade
 _FLAGS = {"flag": Flag(), "hidden": Flag(hides=True), "state": Flag(in_words=True)}
 _GRADE = Flag(is_graded=True)
-_RESIDUAL_OF_UNSEEN = -1.0  # as in C3D files
 _LONG_STEP = 1000.0  # frames; where more are missing, it does not matter how many
 
 
@@ -78,6 +78,8 @@ def read_tidy(path: Path, lines: Lines, options: Options) -> Trajectories | Poin
         what = "the titles name no frame (or time), name (such as keypoint), x, y and z; write them over the columns"
         raise FormatError(path, 1, what)
     at, body = head.at, head.bodies[0]
+    if head.rate and options.recorded_rate == AS_RECORDED_RATE:
+        options = replace(options, recorded_rate=rate_in(path, 1, head.rate, "the frame rate"))
     if options.points != AUTO:
         body.angles.clear()
     if body.turn and not body.is_turned and not body.has_angles:
@@ -96,7 +98,7 @@ def read_tidy(path: Path, lines: Lines, options: Options) -> Trajectories | Poin
         frames = frames + np.frombuffer(rows.trials, dtype=np.int64) * (np.ptp(frames) + 1.0)
     every, places = np.unique(frames, return_inverse=True)
     if "name" not in at and n_names == 1 and width == len(AXES):
-        what = "one position per frame, and no column of names: a single point has no skeleton"
+        what = "one position per frame, and no column of names: a single point, which has no skeleton"
         raise FormatError(path, 1, "; ".join([what, *head.notices]))
     points = np.frombuffer(rows.points, dtype=np.int64)
     _check_rows(path, head, places, points)
@@ -185,7 +187,7 @@ def _rows(path: Path, lines: Lines, head: TidyHead) -> _Rows:
 def _grade(path: Path, number: int, at: Mapping[str, int], cells: Sequence[str]) -> float:
     """How surely a point is seen by its confidence, in numbers or words, and by its residual; NaN if nothing says."""
     grade, residual = (cells[at[what]].strip() if what in at else "1" for what in ("grade", "residual"))
-    if is_number(residual) and number_or_nan(path, number, residual, "a residual") == _RESIDUAL_OF_UNSEEN:
+    if is_number(residual) and number_or_nan(path, number, residual, "a residual") == RESIDUAL_OF_UNSEEN:
         return 0.0
     if "flag" in at and is_unseen(cells[at["flag"]].strip()):
         return math.nan

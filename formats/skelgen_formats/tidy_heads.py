@@ -12,8 +12,8 @@ from itertools import groupby
 from skelgen_formats.body_columns import Body
 from skelgen_formats.clock_titles import clock_of, is_frame
 from skelgen_formats.spelling import spelt
-from skelgen_formats.table_heads import CAMEL, DELIMITERS, with_row_names
-from skelgen_formats.text import is_number, mark_in, unit_behind, unquoted, words_of
+from skelgen_formats.table_heads import CAMEL, DELIMITERS, read_preamble, with_row_names
+from skelgen_formats.text import is_number, mark_in, unit_behind, unquoted, without_trailing_empty, words_of
 from skelgen_formats.title_lines import Head
 from skelgen_formats.titles import bodies_of, nameless_body
 from skelgen_formats.turn_titles import AXES
@@ -30,6 +30,7 @@ AXIS_IN_NAME = re.compile(r"(?:[_ .:-][xyzXYZ]|(?<=[a-z0-9])[XYZ])$")
 _FRAME_OF_ROS = "frame_id"  # a name, not a number
 _NUMBERED = 4  # lines of titles and rows that tell whether these begin with their number
 _FEWEST_TITLES = 3  # frame, name and value
+_PREAMBLE = 24  # lines before the titles, at most
 _LOOKED_AT = 1024  # rows that tell whether numbers are names of points
 _MOST_OTHERS = 24  # columns that are looked through for names
 
@@ -48,7 +49,7 @@ class TidyHead(Head):
 
 
 def find_tidy_head(lines: Sequence[str]) -> TidyHead | None:
-    """Return what the line of titles says, which comments may precede; None if there is none.
+    """Return what the line of titles says, which comments and words with values may precede; None if there is none.
 
     Parameters
     ----------
@@ -62,10 +63,18 @@ def find_tidy_head(lines: Sequence[str]) -> TidyHead | None:
             cells_of = partial(_column, lines, index + 1, delimiter)
             if len(titles) >= _FEWEST_TITLES and (head := _head_of(titles, cells_of)):
                 head.delimiter, head.n_lines = delimiter, index + 1
+                read_preamble(head, [_stated(one) for one in lines[:index]])
                 return head
-        if line.strip() and not line.startswith(_COMMENTS):
+        if index >= _PREAMBLE or len(_stated(line)) >= _FEWEST_TITLES:
             break
     return None
+
+
+def _stated(line: str) -> list[str]:
+    """Return the cells of a line before the titles: a comment, or a word and a value, if these are no titles."""
+    if line.startswith(_COMMENTS):
+        return [line.lstrip("".join(_COMMENTS) + " ")]
+    return without_trailing_empty([cell.strip().strip('"') for cell in re.split(r"[,;\t]", line)])
 
 
 @cache

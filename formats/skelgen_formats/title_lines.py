@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 
 from skelgen_formats.body_columns import Body
 from skelgen_formats.clock_titles import Clock, clock_of, is_frame
+from skelgen_formats.flags import flag_of
 from skelgen_formats.options import MM_PER_UNIT
 from skelgen_formats.spelling import spelt, with_letters
 from skelgen_formats.text import is_number, without_trailing_empty
@@ -181,10 +182,16 @@ def under_names(rows: list[list[str]]) -> Head | None:
 
 
 def _triples(names: Sequence[str], axes: Sequence[str]) -> list[Body]:
-    """Points whose columns stand side by side, behind the first column."""
+    """Points whose columns stand side by side, behind the first column, with flags behind them."""
     lower = [axis.lower() for axis in axes]
-    starts = (at for at in range(1, min(len(names), len(axes) - 2)) if lower[at : at + 3] == [*AXES])
-    return [Body(names[at], place={axis: at + step for step, axis in enumerate(AXES)}) for at in starts]
+    found = []
+    for at in range(1, min(len(names), len(axes) - 2)):
+        if lower[at : at + 3] == [*AXES]:
+            behind = [*zip(names, axes, strict=False)][at + 3 : at + 4]
+            flags = [flag for name, title in behind if name == names[at] and (flag := flag_of(title))]
+            place = {axis: at + step for step, axis in enumerate(AXES)}
+            found.append(Body(names[at], place=place, flags=dict(zip([at + 3], flags, strict=False))))
+    return found
 
 
 def deeplabcut(rows: list[list[str]]) -> Head | None:

@@ -175,6 +175,8 @@ def _seen(rows: Floats, chosen: Sequence[Body], notices: list[str]) -> Floats:
             for column, hidden in zip(columns, by_kind.T, strict=True):
                 unseen[:, marks[column][0]] |= hidden
             told.add("confidence" if kind.is_graded else "flags")
+    if not told:
+        return numbers
     points = numbers.reshape(len(rows), len(chosen), -1).copy()
     if n_hidden := int((unseen & ~np.isnan(points).any(axis=2)).sum()):
         positions = counted(n_hidden, "position is", "positions are")

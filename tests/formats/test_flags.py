@@ -55,6 +55,8 @@ def arrays(path: Path, title: str, flags: list[list[str]]) -> Path:
         ("tracking_state", ["2", "1", "0", "2"], [True, True, False, True]),
         ("confidence", ["0.9", "nan", "0", "0.4"], [True, False, False, True]),
         ("score", ["-1", "", "0.2", "1"], [False, False, True, True]),
+        ("cond", ["3.2", "-1.0", "2.5", "3.1"], [True, False, True, True]),
+        ("residual", ["0.3", "-1", "", "0"], [True, False, True, True]),
         ("likelihood", [""] * 4, [True] * 4),
     ],
 )

@@ -14,6 +14,12 @@ import pytest
         ("walk.bvh", b"HIERARCHY\nROOT Hips\n", "simulate --motion walk.bvh"),
         ("walk.txt", b"HIERARCHY\nROOT Hips\n", "simulate --motion walk.txt"),
         ("walk.mot", b"Coordinates\nversion=1\n", "give the .trc"),
+        (
+            "walk.txt",
+            b"[Header]\nNumSegments 2\n[SegmentNames&Hierarchy]\nHIP GLOBAL\n[BasePosition]\n"
+            b"#Fr Tx Ty Tz Rx Ry Rz SF\n[HIP]\n1 263 816 -287 18 -8 9 1\n2 263 816 -287 18 -8 9 1\n",
+            "segments of Cortex",
+        ),
         ("walk.mat", b"MATLAB 7.3 MAT-file, Platform: PCWIN64", "TSV or C3D from Track Manager"),
         (
             "topic.txt",

@@ -201,3 +201,36 @@ def test_person_who_is_missing_is_unseen(put, ids):
     frames = [[{**ids[k], "keypoints": JOINTS[k][n]} for k in range(1 + n % 2)] for n in range(4)]
     take = read_take(put("people.json", json.dumps({"fps": 50, "frames": [{"people": frame} for frame in frames]})))
     assert take.seen.sum(axis=1).tolist() == [5, 10, 5, 10]
+
+
+PAIR = np.add.outer([0.0, 900.0], np.concatenate([PLACES, np.add(PLACES, 40)], axis=1)).swapaxes(0, 1)
+"""Four points of each of two people in each frame."""
+
+
+@pytest.mark.parametrize(
+    "frames",
+    [
+        [{"image_id": f"{n}.jpg", "idx": k, "keypoints": PAIR[n, k]} for n in range(5) for k in (0, 1)],
+        [{"frame": n, "person_id": k, "keypoints": PAIR[n, k]} for k in (0, 1) for n in range(5)],
+        [
+            {"frame": n, "person": k, "joints": dict(zip("abcd", PAIR[n, k], strict=True))}
+            for n in range(5)
+            for k in (0, 1)
+        ],
+        {"annotations": [{"id": 2 * n + k, "image_id": n, "keypoints": PAIR[n, k]} for n in range(5) for k in (0, 1)]},
+        [{"time": n / 50, "skeletonId": k, "points": PAIR[n, k]} for n in range(5) for k in (0, 1)],
+    ],
+    ids=("AlphaPose", "by person", "joints by name", "COCO", "times"),
+)
+def test_records_of_several_people_in_a_frame_are_no_frames_of_one(put, frames):
+    text = json.dumps(frames, default=lambda array: array.tolist())
+    take = read_take(put("people.json", text), recorded_unit="mm")
+    np.testing.assert_allclose(take.positions, PAIR.reshape(5, -1, 3))
+    assert any("5 frames of 2 people" in notice for notice in take.notices)
+
+
+def test_records_that_repeat_a_time_of_one_person_are_frames(put):
+    """Whole seconds."""
+    records = [{"time": n // 2, "id": 1, "points": place} for n, place in enumerate(np.array(PLACES).tolist())]
+    take = read_take(put("coarse.json", json.dumps(records)), recorded_unit="mm")
+    np.testing.assert_allclose(take.positions, PLACES)

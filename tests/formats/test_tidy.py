@@ -351,3 +351,15 @@ def test_units_in_cells_of_rows_count(put):
 def test_column_of_names_is_known_by_what_it_holds(put, title):
     rows = "".join(f"{n},0.9,{name},100,200,{n}\n" for n in range(3) for name in ("knee", "toe"))
     assert read_take(put("any.csv", f"frame,quality,{title},x,y,z\n{rows}")).names == ("knee", "toe")
+
+
+@pytest.mark.parametrize(
+    "before", ["# framerate: 25 fps\n# z: height\n", "Software,X\nFrame rate,25\n\n", "fps = 25\n", "Frame Rate;25;\n"]
+)
+def test_lines_before_the_titles_tell_the_frame_rate(put, before):
+    """As PeTrack and loggers write them."""
+    rows = "".join(f"{n},{name},0.{n},1.2,{k}\n" for n in range(3) for k, name in enumerate(("hip", "knee")))
+    take = read_take(put("rows.csv", f"{before}frame,marker,x,y,z [cm]\n{rows}"))
+    assert (take.rate, take.names) == (25.0, ("hip", "knee"))
+    assert take.positions[2].tolist() == [[2.0, 12.0, 0.0], [2.0, 12.0, 10.0]]
+    assert not any("frame rate" in notice for notice in take.notices)

@@ -43,6 +43,13 @@ def test_two_people_of_deeplabcut_keep_their_names(put):
     assert read_take(put("two.csv", head + "\n" + rows("{},"))).names == ("a:nose", "b:nose")
 
 
+def test_points_of_deeplabcut_without_a_likelihood_are_unseen(put):
+    head = "scorer" + ",net" * 8 + "\nbodyparts" + ",nose" * 4 + ",tail" * 4 + "\ncoords" + ",x,y,z,likelihood" * 2
+    rows = "0,1,2,3,0.9,4,5,6,0.0\n1,1,2,3,,4,5,7,0.8\n"
+    take = read_take(put("sure.csv", f"{head}\n{rows}"))
+    assert take.seen.tolist() == [[True, False], [False, True]]
+
+
 def test_points_in_images_say_what_to_do(refused, put):
     head = "scorer,net,net,net\nbodyparts,nose,nose,nose\ncoords,x,y,likelihood\n0,10,20,0.9\n"
     assert "2D; triangulate" in refused(put("2d.csv", head))
