@@ -55,6 +55,7 @@ _LOOKED_AT = 256  # frames and points whose changes are compared
 _POSE, _UNIT_TOLERANCE = 7, 1e-3  # numbers of a place and a quaternion; of the length of these
 _FEWEST = 2  # points in arrays of their own
 _POSITION_WORDS = {"pos", "position", "positions", "xyz"}  # in names of arrays
+_ROOM_WORDS = {"world", "global", "3d"}  # not of images
 _MOST_PEOPLE, _FEWEST_JOINTS = 16, 4  # in a frame; arrays of one shape that are points of theirs
 _FLAT = re.compile(r"(?:.*[_.])?(?:\w+_)?(?:joints?|keypoints?|landmarks?|pose)[_\d]*(3d)?", re.IGNORECASE)
 _POSE_ROWS = (16, 17)  # numbers of a matrix of four rows, and of one with a residual
@@ -185,7 +186,10 @@ def _with_people_apart(arrays: Arrays, notices: list[str]) -> tuple[dict[str, ND
             found = {"positions": stacked} | {key: one for key, one in arrays.items() if key not in alike}
             names["positions"] = [*alike]
     for key, array in found.items():
-        if array.ndim != 4 or array.dtype.kind not in "fi" or 1 in array.shape or _are_poses(array):
+        if array.ndim != 4 or array.dtype.kind not in "fi" or _are_poses(array):
+            continue
+        if 1 in array.shape:
+            found[key] = array.squeeze(axis=array.shape.index(1))
             continue
         whole = np.moveaxis(array, 2, 3) if array.shape[2] == len(AXES) else array
         whole = whole.swapaxes(0, 1) if whole.shape[0] < whole.shape[1] else whole
@@ -206,10 +210,12 @@ def _positions(path: Path, arrays: Arrays, notices: list[str], otherwise: str) -
     arrays, names_of_people = _with_people_apart(arrays, notices)
     fitting = {key: array for key, array in arrays.items() if _is_of_points(array)}
     fitting = {k: one for k, one in fitting.items() if 1 not in one.shape and "local" not in k.lower()} or fitting
+    fitting = {k: one for k, one in fitting.items() if np.nan_to_num(one).any()} or fitting
     named = [key for known in _POSITIONS for key in fitting if _plain(key) == known]
     if len(fitting) > 1 and not named:  # body_pos_w beside body_lin_vel_w
-        by_words = [key for key in fitting if {*key.lower().split("_")} & _POSITION_WORDS]
-        named = by_words if len(by_words) == 1 else []
+        words = {key: {*re.split(r"[_.]", CAMEL.sub("_", key).lower())} for key in fitting}
+        by_words = [[key for key in fitting if words[key] & told] for told in (_POSITION_WORDS, _ROOM_WORDS)]
+        named = next((keys for keys in by_words if len(keys) == 1), [])
     if fitting and not named and len(fitting) > 1:
         several = f"several arrays of points: {', '.join(fitting)[:100]}"
         raise FormatError(path, "", f"{several}; call the right one positions")

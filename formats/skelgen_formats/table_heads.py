@@ -37,7 +37,7 @@ from skelgen_formats.title_lines import (
     under_names,
     visual3d,
 )
-from skelgen_formats.turn_titles import AXES
+from skelgen_formats.turn_titles import AXES, BETWEEN
 
 HEAD_LINES = 32
 """Lines that are looked through for titles."""
@@ -49,11 +49,12 @@ DELIMITERS = (",", ";", "\t", "|", None)
 """What may part cells, None for blanks."""
 
 _NO_PLACES = re.compile(
-    r"(.*[_ .:/-])?(l?acc|accel\w*|gyro?\w*|mag|magnet\w*|quat\w*|euler\w*|rot|rotation|orientation|ang|angles?|angular"
-    r"|theta|omega|forces?|moments?|torques?|grf|fp\d+|force_?plate\d*|dir|direction|velo?|velocity|velocities|speed"
+    r"(.*[_ .:/-])?(l?acce?|accel\w*|gyro?\w*|mag|magnet\w*|quat\w*|euler\w*|rot|rotation|orientation|ang|angles?"
+    r"|angular|theta|omega|forces?|moments?|torques?|grf|fp\d+|force_?plate\d*|dir|direction|velo?|velocity|velocities|speed"
     r"|jerk|scale|colou?r|std\w*|sigma|cov\w*)([_ .:/-].*)?",
     re.IGNORECASE,
 )
+_IN_ROOM = re.compile(rf"(.+){BETWEEN}world")
 _SENSED = re.compile(r".*[a-z](Acc|Accel\w*|Gyr\w*|Mag|Magnet\w*|Vel|Velocity)")  # FreeAcc
 _RATE, _STEP = ("|".join(words_of("times")[kind]) for kind in ("rate", "step"))
 _STATED = re.compile(
@@ -110,6 +111,7 @@ def find_head(lines: Sequence[str]) -> Head | None:
                     _drop_turns(head, every[head.n_lines :])
                     _drop_directions(head, every[head.n_lines :])
                     _drop_no_places(head)
+                    _drop_images(head)
                     return head
     return None
 
@@ -316,6 +318,14 @@ def _lengths(columns: Sequence[int], rows: Sequence[Sequence[str]]) -> list[floa
         with contextlib.suppress(ValueError, IndexError):
             lengths.append(math.hypot(*(float(row[column].replace(",", ".")) for column in columns)))
     return [length for length in lengths if math.isfinite(length)]
+
+
+def _drop_images(head: Head) -> None:
+    """Drop points beside which there are the same in the room: knee beside knee_world, as of landmarks in images."""
+    by_name = {body.name.lower(): body for body in head.bodies}
+    others = [match[1] for name in by_name if (match := _IN_ROOM.fullmatch(name))]
+    beside = [by_name[name] for name in others if name in by_name]
+    _leave_out(head, beside if 2 * len(beside) == len(head.bodies) else [], "points beside those called world")
 
 
 def _drop_no_places(head: Head) -> None:

@@ -98,7 +98,7 @@ def read_tidy(path: Path, lines: Lines, options: Options) -> Trajectories | Poin
         frames = frames + np.frombuffer(rows.trials, dtype=np.int64) * (np.ptp(frames) + 1.0)
     every, places = np.unique(frames, return_inverse=True)
     if "name" not in at and n_names == 1 and width == len(AXES):
-        what = "one position per frame, and no column of names: a single point, which has no skeleton"
+        what = "one position per frame, and no column of names: a single point has no skeleton"
         raise FormatError(path, 1, "; ".join([what, *head.notices]))
     points = np.frombuffer(rows.points, dtype=np.int64)
     _check_rows(path, head, places, points)

@@ -17,7 +17,7 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
 from skelgen_formats.body_columns import Body
-from skelgen_formats.flags import FLAG_WORD, flag_of
+from skelgen_formats.flags import FLAG_WORD, Flag, flag_of
 from skelgen_formats.spelling import LENGTH, OF_VERSION, PLACE_WORD, spelt
 from skelgen_formats.text import is_number, is_unseen
 from skelgen_formats.turn_titles import (
@@ -45,7 +45,10 @@ _NAMED_PLACE = re.compile(rf"(.{{1,200}}?)(?:{BETWEEN}(?i:{PLACE_WORD})|(?:Pos|P
 UNIT_WORDS = {"unit", "units"}
 """Keys of what is no number but the unit of others."""
 
-_FLAG = re.compile(rf"(.{{1,200}}?){BETWEEN}({FLAG_WORD})", re.IGNORECASE)
+_FLAG = re.compile(rf"(?P<name>.{{1,200}}?){BETWEEN}(?P<word>{FLAG_WORD})", re.IGNORECASE)
+_FLAG_FIRST = re.compile(
+    rf"(?P<word>{FLAG_WORD})(?:{BETWEEN}(?P<name>.{{1,200}})|(?P<number>\d{{1,4}}))", re.IGNORECASE
+)
 _IS_ANGLE = re.compile(r".*(?:euler|rotvec|rot|rotation|ori|orientation)[ _.:-]?[xyz]", re.IGNORECASE)
 _BRACKETED = re.compile(r"^[\[(]([^\[\]()]+)[\])]$")
 _SENSED = re.compile(r"[agmwfv][xyz]", re.IGNORECASE)  # of inertial sensors and force plates: ax, gy, Fz
@@ -132,13 +135,17 @@ def _with_fourths(bodies: list[Body], titles: Sequence[str], word: str) -> list[
     """Return the same bodies with their fourth columns, ``knee.w`` beside ``knee.x``, or ``knee_4``, and flags."""
     found = [_FOURTH.fullmatch(title.strip()) for title in titles]
     fourths = {match[1]: column for column, match in enumerate(found) if match and match[2].lower() == word}
-    marks = {at: match for at, title in enumerate(titles) if (match := _FLAG.fullmatch(title.strip()))}
+    marks: dict[int, tuple[str, Flag | None]] = {}
+    for at, title in enumerate(titles):
+        if match := _FLAG.fullmatch(title.strip()):
+            marks[at] = (match["name"].lower(), flag_of(match["word"]))
+        elif match := _FLAG_FIRST.fullmatch(title.strip()):
+            marks[at] = ((match["name"] or match["number"]).lower(), flag_of(match["word"]))
     for body in bodies:
         body.fourth = None if body.is_turned else fourths.get(body.name)
         behind = max(body.place.values()) + 1
-        own = [at for at, match in marks.items() if match[1].lower() == body.name.lower()]
-        found_flags = {at: flag_of(marks[at][2]) for at in own or [at for at in (behind,) if at in marks]}
-        body.flags = {at: flag for at, flag in found_flags.items() if flag}
+        own = [at for at, (name, _) in marks.items() if name == body.name.lower()]
+        body.flags = {at: flag for at in own or [behind] if (flag := marks.get(at, ("", None))[1])}
     return bodies
 
 

@@ -60,6 +60,7 @@ from skelgen_formats.turn_titles import AXES
 ASSUMED_RATE = 100.0
 """Frame rate [Hz] of files that state none."""
 
+_FEW_FRAMES = 8  # in so few, but one point may be seen by chance
 _NEAR_STEPS = 3.0  # steps from frame to frame, within which a body may have been at the origin
 
 
@@ -270,11 +271,20 @@ def take_from_table(
         factor, rate = _factor_and_rate(path, bodies[:, :, : len(AXES)], times, options, unit, notices)
         return take_from_bodies(path, bodies, factor, names, rate, notices)
     positions = equal_unseen(zeros_unseen(numbers), notices)
+    _check_together(path, positions)
     factor, rate = _factor_and_rate(path, positions, times, options, unit, notices)
     if not unit and options.recorded_unit == AUTO:
         notice_images(positions, notices)
     computed = None if options.points == ALL_POINTS else are_outputs(names)
     return take_from_markers(path, scaled(path, positions, factor), names, rate, notices, computed)
+
+
+def _check_together(path: Path, positions: Floats) -> None:
+    """Refuse points of which no two are ever seen at once."""
+    n_seen = np.isfinite(positions).all(axis=2).sum(axis=1)
+    if len(n_seen) > _FEW_FRAMES and positions.shape[1] > 1 and n_seen.max(initial=0) == 1:
+        what = "no two points are in the same row: each was written at times of its own; interpolate at common times"
+        raise FormatError(path, "", what)
 
 
 def _lost_unseen(bodies: Floats) -> Floats:

@@ -234,3 +234,18 @@ def test_records_that_repeat_a_time_of_one_person_are_frames(put):
     records = [{"time": n // 2, "id": 1, "points": place} for n, place in enumerate(np.array(PLACES).tolist())]
     take = read_take(put("coarse.json", json.dumps(records)), recorded_unit="mm")
     np.testing.assert_allclose(take.positions, PLACES)
+
+
+def test_joints_of_the_only_actor_keep_their_names(put):
+    """As Rokoko writes frames."""
+    joints = dict(zip("abcd", PAIR[0, 0].tolist(), strict=True))
+    actor = {
+        "name": "Ann",
+        "body": {
+            name: {"position": axes(place), "rotation": posed(place)["orientation"]} for name, place in joints.items()
+        },
+    }
+    frames = [{"fps": 30.0, "scene": {"timestamp": n / 30, "actors": [actor]}} for n in range(5)]
+    take = read_take(put("actor.json", json.dumps(frames)), recorded_unit="mm")
+    assert (take.names, take.rate) == (("a", "b", "c", "d"), 30.0)
+    np.testing.assert_allclose(take.positions[4], PAIR[0, 0])

@@ -237,3 +237,30 @@ def test_points_of_four_rows_are_read(tmp_path):
         {name: np.vstack([POSITIONS[:, at].T, np.ones(N_FRAMES)]) for at, name in enumerate(NAMES)},
     )
     np.testing.assert_array_equal(read_take(tmp_path / "rows.mat").positions, POSITIONS)
+
+
+@pytest.mark.parametrize("axes", [(0, 1, 2), (0, 2, 1)])
+def test_predictions_of_one_animal_are_read_beside_empty_labels(tmp_path, axes):
+    """As DANNCE writes them."""
+    pred = POSITIONS.transpose(axes)
+    for predictions in (pred, pred[:, np.newaxis]):
+        savemat(
+            tmp_path / "dannce.mat", {"pred": predictions, "data": np.zeros_like(pred), "sampleID": np.arange(N_FRAMES)}
+        )
+        np.testing.assert_array_equal(read_take(tmp_path / "dannce.mat").positions, POSITIONS)
+
+
+def test_landmarks_in_the_world_are_told_from_those_in_images(tmp_path):
+    np.savez(tmp_path / "pose.npz", pose_landmarks=POSITIONS / 2e3, pose_world_landmarks=POSITIONS)
+    take = read_take(tmp_path / "pose.npz")
+    np.testing.assert_array_equal(take.positions, POSITIONS)
+    assert "arrays left out: pose_landmarks" in take.notices
+
+
+def test_state_says_where_points_are_unseen(tmp_path):
+    lost = np.arange(N_FRAMES)[:, np.newaxis] == [3, 5, 5, 9]
+    arrays = {"positions": POSITIONS, "names": NAMES}
+    np.savez(tmp_path / "words.npz", **arrays, status=np.where(lost, "lost", "ok"))
+    np.testing.assert_array_equal(read_take(tmp_path / "words.npz").seen, ~lost)
+    np.savez(tmp_path / "codes.npz", **arrays, status=lost.astype(int))
+    assert read_take(tmp_path / "codes.npz").seen.all()

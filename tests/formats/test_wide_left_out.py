@@ -143,3 +143,39 @@ def test_words_beside_flags_are_no_numbers(put, cell):
     titles = "time,a_x,a_y,a_z,a_valid,b_x,b_y,b_z,b_valid"
     take = read_take(put("gap.csv", f"{titles}\n0,1,2,3,1,4,5,6,1\n0.02,1,{cell},4,1,4,5,7,1\n"))
     assert take.seen.tolist() == [[True, True], [False, True]]
+
+
+def test_accelerations_of_sensors_beside_joints_are_no_points(put):
+    """As Axis Neuron writes them."""
+    titles = [
+        f"{name}-{what}-{axis}"
+        for what in ("Joint-Posi", "Sensor-Acce")
+        for name in ("Hips", "Spine")
+        for axis in "xyz"
+    ]
+    take = read_take(put("neuron.csv", ",".join(["Frame", *titles]) + "\n" + rows("{0},", ",0.1,0.2,9.8,0.1,0.2,9.8")))
+    assert take.n_markers == 2
+    assert any("no points, and left out: Hips-Sensor-Acce" in notice for notice in take.notices)
+
+
+@pytest.mark.parametrize("title", ["visibility_{}", "conf{}", "v{}", "valid_{}"])
+def test_flags_may_stand_before_numbers_of_points(put, title):
+    titles = ",".join(f"x_{n},y_{n},z_{n},{title.format(n)}" for n in range(2))
+    take = read_take(put("landmarks.csv", f"{titles}\n1,2,3,1,4,5,6,0\n1,2,3,1,4,5,7,1\n"), recorded_unit="mm")
+    assert take.seen.tolist() == [[True, False], [True, True]]
+
+
+def test_of_landmarks_in_images_and_in_the_world_the_latter_are_points(put):
+    names = [f"{name}{world}" for world in ("", "_world") for name in ("HIP", "KNEE")]
+    titles = ",".join(f"{name}_{axis}" for name in names for axis in "xyz")
+    rows = "".join(f"0.5,0.6,-0.1,0.5,0.7,-0.1,0.1,0.2,0.{n},0.4,0.5,0.{n}\n" for n in range(3))
+    take = read_take(put("landmarks.csv", f"{titles}\n{rows}"))
+    assert take.names == ("HIP_world", "KNEE_world")
+    assert any("points beside those called world, and left out: HIP, KNEE" in notice for notice in take.notices)
+
+
+def test_points_that_were_written_at_times_of_their_own_are_refused(put, refused):
+    """As PlotJuggler joins topics of ROS."""
+    titles = ",".join(f"/mocap/{name}/position/{axis}" for name in "ab" for axis in "xyz")
+    rows = "".join(f"{n / 100},1,2,{n},,,\n{n / 100 + 0.004},,,,4,5,{n}\n" for n in range(9))
+    assert "interpolate at common times" in refused(put("topics.csv", f"__time,{titles}\n{rows}"))
