@@ -1,7 +1,8 @@
 """What says of points whether they are seen: titles of columns, keys of arrays, and their cells and numbers.
 
 A flag that is empty says no: what nothing calls visible, or how sure, is unseen; what nothing calls hidden is seen. A
-state that is empty or unknown says nothing, nor does a flag or confidence that a point never has.
+status that is empty or unknown says nothing, nor does a flag or confidence that a point never has, nor flags by which
+nothing at all is seen.
 """
 
 import contextlib
@@ -16,17 +17,21 @@ from numpy.typing import NDArray
 from skelgen_formats.text import is_number, is_unseen
 
 FLAG_WORD = (
-    r"(?:v|(?:is_?)?(?:valid|visible|tracked|seen|(?P<hides>occluded|hidden|lost|missing))|tracking_?state"
+    r"(?:v|(?:is_?)?(?:(?:tracking_?)?valid|visible|tracked|seen|(?P<hides>occluded|hidden|lost|missing))|tracking_?state"
     r"|(?P<graded>cond|conf|confidences?|likelihoods?|scores?|visibility)|(?P<in_words>status|state)"
     r"|(?P<deviates>residuals?))"
 )
 """What says whether a point is seen, is not, how sure it is, in words, or how far off; to be read in any case."""
 
+FLAG_OF_ALL = r"(?:is_?)?(?:(?:tracking_?)?valid|visible|tracked)|tracking_?state"
+"""What says without a name whether all points of a row are seen."""
+
 _TRUTH = dict.fromkeys(("true", "t", "yes", "y", "1", "1.0"), True)
 _TRUTH |= dict.fromkeys(("false", "f", "no", "n", "0", "0.0"), False)
 _OF_STATE = dict.fromkeys(("ok", "good", "valid", "visible", "seen", "measured", "tracked", "inferred"), True)
 _OF_STATE |= dict.fromkeys(("bad", "invalid", "unseen", "hidden", "occluded", "lost", "missing", "untracked"), False)
-_OF_STATE |= dict.fromkeys(("nottracked", "not_tracked", "not tracked"), False)
+_OF_STATE |= dict.fromkeys(("nottracked", "not_tracked", "not tracked", "searching"), False)
+_KNOWN = {word for word in _TRUTH | _OF_STATE if word.isalpha()} | {"none"}
 RESIDUAL_OF_UNSEEN = -1.0
 """As in C3D files."""
 
@@ -75,7 +80,7 @@ def is_seen(cell: str, flag: Flag) -> bool | None:
     flag : Flag
         What the title says of it.
     """
-    word = cell.strip().lower()
+    word = _word_of(cell)
     if word in _OF_STATE:
         return _OF_STATE[word]
     return None if word not in _TRUTH or (flag.in_words and is_number(word)) else _TRUTH[word] != flag.hides
@@ -89,7 +94,7 @@ def is_of_flag(cell: str, flag: Flag) -> bool:
     cell, flag
         As for `is_seen`.
     """
-    word = cell.strip()
+    word = _word_of(cell)
     is_known = is_unseen(word) or flag.is_graded or flag.deviates or is_seen(word, flag) is not None
     return is_known or (word.isdecimal() and not flag.in_words)
 
@@ -102,13 +107,20 @@ def number_of(cell: str, flag: Flag) -> float:
     cell, flag
         As for `is_seen`.
     """
-    word = cell.strip()
+    word = _word_of(cell)
     if not flag.in_words:
         with contextlib.suppress(ValueError):
             return float(word.replace(",", "."))
-        if is_unseen(word) and word.lower() not in _OF_STATE:
+        if is_unseen(word) and word not in _OF_STATE:
             return np.nan
     return float((is_seen(word, flag) is not False) != flag.hides)
+
+
+def _word_of(cell: str) -> str:
+    """Return what a cell says in small letters, without the name of what it is one of: TrackingState.Tracked."""
+    word = cell.strip().lower()
+    ends = (end for mark in "._" if (end := word.rpartition(mark)[2]) in _KNOWN)
+    return word if word in _OF_STATE else next(ends, word)
 
 
 def numbers_of(values: Any, flag: Flag) -> NDArray[np.float64] | None:

@@ -17,7 +17,7 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
 from skelgen_formats.body_columns import Body
-from skelgen_formats.flags import FLAG_WORD, Flag, flag_of
+from skelgen_formats.flags import FLAG_OF_ALL, FLAG_WORD, Flag, flag_of
 from skelgen_formats.spelling import LENGTH, OF_VERSION, PLACE_WORD, spelt
 from skelgen_formats.text import is_number, is_unseen
 from skelgen_formats.turn_titles import (
@@ -141,11 +141,13 @@ def _with_fourths(bodies: list[Body], titles: Sequence[str], word: str) -> list[
             marks[at] = (match["name"].lower(), flag_of(match["word"]))
         elif match := _FLAG_FIRST.fullmatch(title.strip()):
             marks[at] = ((match["name"] or match["number"]).lower(), flag_of(match["word"]))
+    alone = {at: flag_of(title) for at, title in enumerate(titles) if re.fullmatch(FLAG_OF_ALL, title, re.IGNORECASE)}
+    of_all = {at: flag for at, flag in alone.items() if flag and len(alone) == 1}
     for body in bodies:
         body.fourth = None if body.is_turned else fourths.get(body.name)
         behind = max(body.place.values()) + 1
         own = [at for at, (name, _) in marks.items() if name == body.name.lower()]
-        body.flags = {at: flag for at in own or [behind] if (flag := marks.get(at, ("", None))[1])}
+        body.flags = of_all | {at: flag for at in own or [behind] if (flag := marks.get(at, ("", None))[1])}
     return bodies
 
 

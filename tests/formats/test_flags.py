@@ -58,6 +58,13 @@ def arrays(path: Path, title: str, flags: list[list[str]]) -> Path:
         ("cond", ["3.2", "-1.0", "2.5", "3.1"], [True, False, True, True]),
         ("residual", ["0.3", "-1", "", "0"], [True, False, True, True]),
         ("likelihood", [""] * 4, [True] * 4),
+        ("tracking_valid", ["1", "0", "1", "1"], [True, False, True, True]),
+        (
+            "tracking_state",
+            ["STATE.OK", "STATE.SEARCHING", "TrackingState_NotTracked", "Inferred"],
+            [True, False, False, True],
+        ),
+        ("confidence", ["JOINT_CONFIDENCE_LOW", "JOINT_CONFIDENCE_NONE", "HIGH", "1"], [True, False, True, True]),
     ],
 )
 def test_flags_mean_the_same_in_every_format(put, tmp_path, kind, title, cells, seen):
@@ -83,3 +90,9 @@ def test_what_is_unseen_by_its_coordinates_is_not_counted_as_flagged(put):
     text = wide("valid", [["1", "1", "1"]] * 2 + [["1", "0", "1"]] * 2)
     empty = text.replace(",".join(map(str, PLACES[3][1])), ",,")
     assert any("1 position is unseen" in notice for notice in read_take(put("some.csv", empty)).notices)
+
+
+def test_flag_without_a_name_is_of_all_points_of_its_row(put):
+    rows = "".join(f"{n},{valid},1,2,{n},4,5,{n}\n" for n, valid in enumerate(("1", "0", "True", "no")))
+    take = read_take(put("tracked.csv", f"frame,Tracked,a_x,a_y,a_z,b_x,b_y,b_z\n{rows}"))
+    assert take.seen.tolist() == [[True] * 2, [False] * 2, [True] * 2, [False] * 2]
