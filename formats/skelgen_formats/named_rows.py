@@ -9,6 +9,7 @@ of a point each, below its name, become one with a column of names, which `skelg
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
+from itertools import groupby
 from pathlib import Path
 
 from skelgen.errors import FormatError
@@ -32,8 +33,10 @@ _MOMENT = re.compile(rf"\d{{1,2}}:\d\d:\d\d(?:[.,]\d+)?|{_NUMBER}", re.IGNORECAS
 _CELLS = re.compile(r"[,;\t]")
 _LOOKED_AT, _FEWEST = 256, 2  # lines; points of a frame
 _BARE, _ABOVE = 2, 4  # lines without a point, of each frame and above the first
+_MOST_PEOPLE = 16
 _MOST_TIMES, _FREE = 16, 1 << 20  # points that frames may have beside those that are listed
 
+_Point = tuple[str, str, list[str]]  # the last number or time before it, its name and coordinates
 _Frames = list[tuple[str, dict[str, list[str]]]]  # what stands before the points of each frame, and their numbers
 
 
@@ -107,7 +110,7 @@ def _pairs(lines: Iterable[str]) -> _Frames:
 def _frames(lines: Iterable[str]) -> _Frames:
     """Return the points of each frame."""
     frames: _Frames = []
-    every = [*_points(lines)]
+    every = [*_with_people(_points(lines))]
     first: dict[str, str] = {}
     for moment, name, _ in every:
         if name in first:
@@ -124,7 +127,17 @@ def _frames(lines: Iterable[str]) -> _Frames:
     return frames
 
 
-def _points(lines: Iterable[str]) -> Iterator[tuple[str, str, list[str]]]:
+def _with_people(points: Iterable[_Point]) -> list[_Point]:
+    """Return points with the numbers before them in their names, if few ones recur: 1:knee, 2:knee, 1:knee."""
+    every = [*points]
+    numbers = [number for number, _ in groupby(moment for moment, _, _ in every)]
+    few = len({*numbers})
+    if not all(map(str.isdecimal, numbers)) or few > _MOST_PEOPLE or len(numbers) <= 2 * few or few < _FEWEST:
+        return every
+    return [("", f"{moment}:{name}", place) for moment, name, place in every]
+
+
+def _points(lines: Iterable[str]) -> Iterator[_Point]:
     """Yield the last number or time of day before each point, its name, and its coordinates."""
     moment = ""
     for line in lines:

@@ -182,7 +182,9 @@ def _read_groups(head: Head, above: Sequence[str]) -> None:
     starts = [body.place["x"] for body in head.bodies]
     words = [next(filter(None, reversed(row[: start + 1])), "") for start in starts]  # cells may be merged
     are_over = all({row[at] for at in body.place.values()} <= {row[body.place["x"]], ""} for body in head.bodies)
-    if are_over and len({*words}) > 1 and "" not in words and not any(map(is_number, words)):
+    pairs = {(word, body.name) for word, body in zip(words, head.bodies, strict=True)}
+    are_people = len(pairs) == len(words) > len({name for _, name in pairs}) and all(map(str.isdecimal, words))
+    if are_over and len({*words}) > 1 and "" not in words and (are_people or not any(map(is_number, words))):
         are_numbered = len({*words}) == len(words) and all(body.name.isdecimal() for body in head.bodies)
         for body, word in zip(head.bodies, words, strict=True):
             body.name = word if are_numbered else f"{word}:{body.name}"
@@ -269,6 +271,23 @@ def _are_times(cells: Sequence[str], *, first: bool) -> bool:
     return False
 
 
+def are_names(cells: Sequence[str], moments: Sequence[str]) -> bool:
+    """Whether cells are words or numbers of points: each once in a frame, and the same in the first and the next.
+
+    Parameters
+    ----------
+    cells : sequence of str
+        Of a column.
+    moments : sequence of str
+        Frame numbers or times of the same rows.
+    """
+    if len(cells) != len(moments) or len({*zip(moments, cells, strict=True)}) < len(cells):
+        return False
+    two = [*dict.fromkeys(moments), "", ""][:2]
+    first, second = ({cell for cell, one in zip(cells, moments, strict=True) if one == moment} for moment in two)
+    return len(first) > 1 and first == second and all(cell.isdecimal() or not is_number(cell) for cell in first)
+
+
 def _owners(head: Head, titles: Sequence[str], rows: Sequence[Sequence[str]]) -> list[int]:
     """Return the columns that say whose row it is; none if rows do not take turns."""
     columns = {at: [row[at] for row in rows if at < len(row)] for at in range(len(titles))}
@@ -280,6 +299,10 @@ def _owners(head: Head, titles: Sequence[str], rows: Sequence[Sequence[str]]) ->
         at for at in named if _OWNER.fullmatch(titles[at]) and len({*columns[at]}) < len([*groupby(columns[at])])
     }
     taking_turns = differing | recurring
+    if not taking_turns and head.counts is not None and head.counts in columns:
+        taken = {column for body in head.bodies for column in (*body.every_column, *body.flags)} | {head.counts}
+        others = (at for at in range(len(titles)) if at not in taken)
+        return [at for at in others if are_names(columns[at], columns[head.counts])][:1]
     return sorted((named & words if taking_turns & named else set()) or taking_turns)
 
 

@@ -20,6 +20,10 @@ FOLLOWING = "rows of several takes or people follow each other, and are taken as
 """A notice of several takes in a table, behind what tells."""
 
 
+AGAIN = "if several people take turns, write their names into a column `person`"
+"""A notice of rows that repeat frame numbers, behind what tells."""
+
+
 def until_other_table(numbered: Iterable[tuple[int, str]], head: Head) -> Iterator[tuple[int, str]]:
     """Yield the lines up to one that begins with a word behind a blank one: Mokka writes analogue data there.
 
@@ -202,14 +206,17 @@ def in_order(numbered: Iterable[tuple[int, str]], frames: int, head: Head, *, ev
     every : bool
         Whether these are all rows, not a sample.
     """
-    last, steps, back = math.nan, Counter[int](), 0
+    last, steps, back, same = math.nan, Counter[int](), 0, 0
     for number, line in numbered:
         with contextlib.suppress(ValueError, IndexError, OverflowError):
             frame = float(line.split(head.delimiter, frames + 1)[frames])
             back = back or number * (frame < last)
+            same += frame == last
             last, step = frame, frame - last
             steps[min(int(step), _LONG_STEP)] += 1
         yield number, line
+    if frames == head.frames and 2 * same >= steps.total() > 0:
+        head.notices.append(f"{same} rows have the frame number of the one before: {AGAIN}")
     if back:
         what = "frame numbers" if frames == head.frames else "times"
         head.notices.append(f"{what} go back in line {back}: {FOLLOWING}")

@@ -12,7 +12,7 @@ from itertools import groupby
 from skelgen_formats.body_columns import Body
 from skelgen_formats.clock_titles import clock_of, is_frame
 from skelgen_formats.spelling import spelt
-from skelgen_formats.table_heads import CAMEL, DELIMITERS, read_preamble, with_row_names
+from skelgen_formats.table_heads import CAMEL, DELIMITERS, are_names, read_preamble, with_row_names
 from skelgen_formats.text import is_number, mark_in, unit_behind, unquoted, without_trailing_empty, words_of
 from skelgen_formats.title_lines import Head
 from skelgen_formats.titles import bodies_of, nameless_body
@@ -118,7 +118,7 @@ def _head_of(titles: Sequence[str], cells_of: Callable[[int], list[str]]) -> Tid
         cells_in = cells_of(moments[0])
         at |= zip(
             ["name"],
-            (one for one in sorted(others)[:_MOST_OTHERS] if _are_names(cells_of(one), cells_in)),
+            (one for one in sorted(others)[:_MOST_OTHERS] if are_names(cells_of(one), cells_in)),
             strict=False,
         )
     values = [column for column, title in enumerate(titles) if _VALUE.fullmatch(title) and column != at.get("axis")]
@@ -139,15 +139,6 @@ def _head_of(titles: Sequence[str], cells_of: Callable[[int], list[str]]) -> Tid
     head.unit_in_cells, head.mark = unit_behind(numbers), mark_in(numbers)
     head.unit = head.unit_in_cells or head.unit
     return head if is_by_axis or is_tidy else None
-
-
-def _are_names(cells: Sequence[str], moments: Sequence[str]) -> bool:
-    """Whether cells are words or numbers of points: each once in a frame, and the same in the first and the next."""
-    if len(cells) != len(moments) or len({*zip(moments, cells, strict=True)}) < len(cells):
-        return False
-    two = [*dict.fromkeys(moments), "", ""][:2]
-    first, second = ({cell for cell, one in zip(cells, moments, strict=True) if one == moment} for moment in two)
-    return len(first) > 1 and first == second and all(cell.isdecimal() or not is_number(cell) for cell in first)
 
 
 def _tells_frames(names: Sequence[str], body: Body) -> bool:
