@@ -185,7 +185,12 @@ def _by_frame(value: Any) -> Any:
             record = {other: part for other, part in one.items() if other != key and other not in of_records}
             frames.setdefault(str(one.get(key)), []).append(record)
         whose = ([str([one.get(owner) for owner in owners]) for one in frame] for frame in frames.values())
-        if 1 < len(frames) < len(value) and not (owners and any(len({*frame}) < len(frame) for frame in whose)):
+        is_take = not is_frame(plain[key]) and len(frames) < max(map(len, frames.values()))
+        if (
+            1 < len(frames) < len(value)
+            and not is_take
+            and not (owners and any(len({*frame}) < len(frame) for frame in whose))
+        ):
             return [{key: moment, "records": records} for moment, records in frames.items()]
     return value
 

@@ -77,6 +77,7 @@ _OWNING = re.compile(
     r"(?:joint|marker|bone|segment|body|keypoint|landmark|sensor|point|finger|hand|side)[ _]?(?:name|label|type)?",
     re.IGNORECASE,
 )
+_OF_TIME = re.compile(r"frame|sub|sample|sec|phase|tick|cycle|index|count|^m?s$", re.IGNORECASE)
 _EVEN = 2.0  # how much longer than the shortest one a step from time to time is, at most
 _UNIT_TOLERANCE = 1e-3  # of the length of quaternions, which are printed with a few digits
 _COMMENT = "#%"  # what stands before the titles that numpy and ROS write
@@ -301,8 +302,12 @@ def _owners(head: Head, titles: Sequence[str], rows: Sequence[Sequence[str]]) ->
     taking_turns = differing | recurring
     if not taking_turns and head.counts is not None and head.counts in columns:
         taken = {column for body in head.bodies for column in (*body.every_column, *body.flags)} | {head.counts}
-        others = (at for at in range(len(titles)) if at not in taken)
-        return [at for at in others if are_names(columns[at], columns[head.counts])][:1]
+        others = (at for at, title in enumerate(titles) if at not in taken and not _OF_TIME.search(title))
+        owner = [at for at in others if are_names(columns[at], columns[head.counts])][:1]
+        head.notices += [
+            f"rows take turns by the column {titles[at]}: its cells stand before the names" for at in owner
+        ]
+        return owner
     return sorted((named & words if taking_turns & named else set()) or taking_turns)
 
 

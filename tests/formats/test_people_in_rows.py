@@ -53,6 +53,13 @@ def test_people_may_take_turns_under_any_title(put, title):
     np.testing.assert_array_equal(take.positions, PLACES.reshape(4, -1, 3))
 
 
+@pytest.mark.parametrize("title", ["Sub Frame", "subframe", "sample"])
+def test_parts_of_frames_are_no_people(put, title):
+    titles = f"Frame,{title}," + ",".join(f"{joint}_{axis}" for joint in JOINTS for axis in "xyz")
+    rows = "".join(f"{n},{part},{cells(PLACES[n, part])}\n" for n in range(4) for part in range(2))
+    assert read_take(put("parts.csv", f"{titles}\n{rows}")).names == JOINTS
+
+
 def test_rows_that_repeat_frame_numbers_are_told(put):
     titles = "frame," + ",".join(f"{joint}_{axis}" for joint in JOINTS for axis in "xyz")
     rows = "".join(f"{n},{cells(PLACES[n, p])}\n" for n in range(4) for p in range(2))
