@@ -107,12 +107,12 @@ def number_of(cell: str, flag: Flag) -> float:
     cell, flag
         As for `is_seen`.
     """
-    word = _word_of(cell)
     if not flag.in_words:
         with contextlib.suppress(ValueError):
-            return float(word.replace(",", "."))
-        if is_unseen(word) and word not in _OF_STATE:
-            return np.nan
+            return float(cell.replace(",", "."))
+    word = _word_of(cell)
+    if not flag.in_words and is_unseen(word) and word not in _OF_STATE:
+        return np.nan
     return float((is_seen(word, flag) is not False) != flag.hides)
 
 
@@ -178,6 +178,6 @@ def with_flags(line: str, flags: Mapping[int, Flag], delimiter: str | None) -> s
     """
     cells = line.split(delimiter)
     for column, flag in flags.items():
-        if column < len(cells):
+        if column < len(cells) and (flag.in_words or not cells[column].replace(".", "", 1).isdecimal()):
             cells[column] = f"{number_of(cells[column], flag):g}"
     return (delimiter or " ").join(cells)

@@ -122,8 +122,10 @@ def with_numbers(numbered: Iterable[tuple[int, str]], head: Head) -> Iterator[tu
         Of the table.
     """
     flags = {column: flag for body in head.bodies for column, flag in body.flags.items()}
+    if not flags:
+        yield from numbered
     for number, line in numbered:
-        yield number, with_flags(line, flags, head.delimiter) if flags else line
+        yield number, with_flags(line, flags, head.delimiter)
 
 
 def without_remarks(
