@@ -142,6 +142,8 @@ public repositories have, made by the tests. What is not named was not tried.
 | R, xarray, Unreal | numbered rows, columns of axes, `X=1.0 Y=2.0 Z=3.0` | layout |
 | BIDS motion | points and bodies, with channels.tsv and motion.json | layout of its specification |
 | JSON of Track Manager, Azure Kinect, pandas, scripts | a list per frame or marker, names once or in all | layout |
+| JSON of AlphaPose, COCO, MediaPipe | a record per person and image; landmarks in images and in the world | layout |
+| PeTrack, Axis Studio, PlotJuggler | rate in comments; sensors beside joints; topics at other times | layout |
 | NumPy .npy, .npz | format 1.0, axes in any order, an array per point, rows of ezc3d, poses, robots | by NumPy |
 | MATLAB .mat | level 5: structs, MoCap Toolbox, Visual3D, Theia, biomechZoo, arrays | written by scipy |
 

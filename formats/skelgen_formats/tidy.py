@@ -13,13 +13,12 @@ import math
 from array import array
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from skelgen.errors import FormatError
-from skelgen.geometry.frame_rate import AS_RECORDED_RATE
 from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.model.arrays import Floats, Ints
 from skelgen.progress import counted
@@ -28,12 +27,12 @@ from skelgen_formats.lines import Lines, decoded_head, read_lines
 from skelgen_formats.options import ANGLE_ORDER, AUTO, POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
 from skelgen_formats.row_owners import spread
 from skelgen_formats.table_rows import FOLLOWING, notice_skipped, with_plain_numbers, without_remarks
-from skelgen_formats.text import is_number, is_unseen, number_or_nan, rate_in, seconds_of, unquoted
+from skelgen_formats.text import is_number, is_unseen, number_or_nan, seconds_of, unquoted
 from skelgen_formats.tidy_heads import AXIS_IN_NAME, TidyHead, find_tidy_head
 from skelgen_formats.time_stamps import since_first
 from skelgen_formats.title_lines import UNREAD_QUATERNION
 from skelgen_formats.turn_titles import AXES, numbered_quaternions
-from skelgen_formats.wide import take_from_head
+from skelgen_formats.wide import take_from_head, with_stated_rate
 
 _HIDDEN = -np.inf  # in place of a grade
 _FLAGS = {"flag": Flag(), "hidden": Flag(hides=True), "state": Flag(in_words=True)}
@@ -78,8 +77,6 @@ def read_tidy(path: Path, lines: Lines, options: Options) -> Trajectories | Poin
         what = "the titles name no frame (or time), name (such as keypoint), x, y and z; write them over the columns"
         raise FormatError(path, 1, what)
     at, body = head.at, head.bodies[0]
-    if head.rate and options.recorded_rate == AS_RECORDED_RATE:
-        options = replace(options, recorded_rate=rate_in(path, 1, head.rate, "the frame rate"))
     if options.points != AUTO:
         body.angles.clear()
     if body.turn and not body.is_turned and not body.has_angles:
@@ -112,7 +109,7 @@ def read_tidy(path: Path, lines: Lines, options: Options) -> Trajectories | Poin
     bodies = [f"body {number + 1}" if number else "body" for number in range(n_names)]
     names = bodies if width > len(AXES) and "name" not in at else _distinct([*rows.names])
     numbers = numbers.reshape(len(every), n_names, width * _n_points_of_name(head))
-    return take_from_head(path, numbers, names, head, stamps, options)
+    return take_from_head(path, numbers, names, head, stamps, with_stated_rate(path, head, options))
 
 
 def _sure(cells: Floats, grades: Floats, points: Ints, head: TidyHead) -> Floats:

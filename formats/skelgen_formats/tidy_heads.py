@@ -65,7 +65,7 @@ def find_tidy_head(lines: Sequence[str]) -> TidyHead | None:
                 head.delimiter, head.n_lines = delimiter, index + 1
                 read_preamble(head, [_stated(one) for one in lines[:index]])
                 return head
-        if index >= _PREAMBLE or len(_stated(line)) >= _FEWEST_TITLES:
+        if index >= _PREAMBLE or "\0" in line or len(_stated(line)) >= _FEWEST_TITLES:
             break
     return None
 

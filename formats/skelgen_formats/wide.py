@@ -99,9 +99,24 @@ def read_table(path: Path, lines: Lines, options: Options) -> Trajectories | Poi
     if turns.frames:
         rows, stamps = turns.spread(path, rows, stamps)
         rows, head.bodies = without_copies(rows, turns.named(head.bodies), head.notices)
-    if head.rate and options.recorded_rate == AS_RECORDED_RATE:
-        options = replace(options, recorded_rate=rate_in(path, 1, head.rate, "the frame rate"))
-    return take_from_rows(path, rows, head, stamps, options)
+    return take_from_rows(path, rows, head, stamps, with_stated_rate(path, head, options))
+
+
+def with_stated_rate(path: Path, head: Head, options: Options) -> Options:
+    """Return the options with the frame rate that lines before the titles state, if no other is wanted.
+
+    Parameters
+    ----------
+    path : Path
+        The file, for errors.
+    head : Head
+        Of the table.
+    options : Options
+        `recorded_rate` counts.
+    """
+    if not head.rate or options.recorded_rate != AS_RECORDED_RATE:
+        return options
+    return replace(options, recorded_rate=rate_in(path, 1, head.rate, "the frame rate"))
 
 
 def chosen_columns(head: Head, options: Options) -> list[int]:

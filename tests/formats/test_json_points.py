@@ -237,7 +237,7 @@ def test_records_that_repeat_a_time_of_one_person_are_frames(put):
 
 
 def test_joints_of_the_only_actor_keep_their_names(put):
-    """As Rokoko writes frames."""
+    """A list of actors in each frame."""
     joints = dict(zip("abcd", PAIR[0, 0].tolist(), strict=True))
     actor = {
         "name": "Ann",

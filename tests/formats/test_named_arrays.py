@@ -241,13 +241,13 @@ def test_points_of_four_rows_are_read(tmp_path):
 
 @pytest.mark.parametrize("axes", [(0, 1, 2), (0, 2, 1)])
 def test_predictions_of_one_animal_are_read_beside_empty_labels(tmp_path, axes):
-    """As DANNCE writes them."""
+    """Without an axis of animals, or with one."""
     pred = POSITIONS.transpose(axes)
     for predictions in (pred, pred[:, np.newaxis]):
         savemat(
-            tmp_path / "dannce.mat", {"pred": predictions, "data": np.zeros_like(pred), "sampleID": np.arange(N_FRAMES)}
+            tmp_path / "pred.mat", {"pred": predictions, "data": np.zeros_like(pred), "sampleID": np.arange(N_FRAMES)}
         )
-        np.testing.assert_array_equal(read_take(tmp_path / "dannce.mat").positions, POSITIONS)
+        np.testing.assert_array_equal(read_take(tmp_path / "pred.mat").positions, POSITIONS)
 
 
 def test_landmarks_in_the_world_are_told_from_those_in_images(tmp_path):

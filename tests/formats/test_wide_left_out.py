@@ -146,7 +146,7 @@ def test_words_beside_flags_are_no_numbers(put, cell):
 
 
 def test_accelerations_of_sensors_beside_joints_are_no_points(put):
-    """As Axis Neuron writes them."""
+    """As Axis Studio writes them."""
     titles = [
         f"{name}-{what}-{axis}"
         for what in ("Joint-Posi", "Sensor-Acce")
