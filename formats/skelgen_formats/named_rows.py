@@ -8,6 +8,7 @@ of a point each, below its name, become one with a column of names, which `skelg
 """
 
 import re
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from itertools import groupby
 from pathlib import Path
@@ -30,6 +31,7 @@ _POINT = re.compile(
 )
 _PAIR = re.compile(rf"(?<![\w.])([a-z_][\w.-]{{0,60}})\s*[:=]\s*({_NUMBER})(?![\w.])", re.IGNORECASE)
 _MOMENT = re.compile(rf"\d{{1,2}}:\d\d:\d\d(?:[.,]\d+)?|{_NUMBER}", re.IGNORECASE)
+_TOUCHES, _OF_NAME = ":", re.compile(r"(?<![\w.:])\d+:$")  # of a number and the name behind it
 _CELLS = re.compile(r"[,;\t]")
 _LOOKED_AT, _FEWEST = 256, 2  # lines; points of a frame
 _BARE, _ABOVE = 2, 4  # lines without a point, of each frame and above the first
@@ -128,24 +130,35 @@ def _frames(lines: Iterable[str]) -> _Frames:
 
 
 def _with_people(points: Iterable[_Point]) -> list[_Point]:
-    """Return points with the numbers before them in their names, if few ones recur: 1:knee, 2:knee, 1:knee."""
+    """Return points with the numbers that touch their names in these, if few recur by turns: 1:knee, 2:knee, 1:knee.
+
+    Of frames or lines a number stands apart; numbers of points have names of their own.
+    """
     every = [*points]
-    numbers = [number for number, _ in groupby(moment for moment, _, _ in every)]
+    numbers = [number for number, _ in groupby(moment.removesuffix(_TOUCHES) for moment, _, _ in every)]
     few = len({*numbers})
-    if not all(map(str.isdecimal, numbers)) or few > _MOST_PEOPLE or len(numbers) <= 2 * few or few < _FEWEST:
-        return every
-    return [("", f"{moment}:{name}", place) for moment, name, place in every]
+    touching = all(moment.endswith(_TOUCHES) and moment[:-1].isdecimal() for moment, _, _ in every)
+    whose = Counter(name for _, name in {(moment, name) for moment, name, _ in every})
+    recurring = sum(count > 1 for count in whose.values())
+    if not touching or not _FEWEST <= few <= _MOST_PEOPLE or len(numbers) <= 2 * few or 2 * recurring <= len(whose):
+        return [(moment.removesuffix(_TOUCHES), name, place) for moment, name, place in every]
+    return [("", f"{moment}{name}", place) for moment, name, place in every]
 
 
 def _points(lines: Iterable[str]) -> Iterator[_Point]:
-    """Yield the last number or time of day before each point, its name, and its coordinates."""
+    """Yield the last number or time of day before each point, with a colon if its name follows that, and the rest."""
     moment = ""
     for line in lines:
         end = 0
         for match in _POINT.finditer(line):
-            moment = next(reversed(_MOMENT.findall(line[end : match.start()])), moment)
+            before = line[end : match.start()]
+            moment = next(reversed(_MOMENT.findall(before)), moment)
             end = match.end()
-            yield moment, match[1].rstrip(":"), list(match.groups()[1:])
+            yield (
+                moment + _TOUCHES * (_OF_NAME.search(before) is not None),
+                match[1].rstrip(":"),
+                list(match.groups()[1:]),
+            )
         moment = moment if end else next(reversed(_MOMENT.findall(line)), moment)
 
 

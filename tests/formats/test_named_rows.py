@@ -69,3 +69,21 @@ def test_table_of_a_single_point_is_refused(put, refused):
     path = put("one.csv", "Walk\nframe,x,y,z\n0,1,2,3\n1,2,3,4\n")
     assert "a single point, which has no skeleton" in refused(path, "named-rows")
     assert "a single point has no skeleton" in refused(path)
+
+
+@pytest.mark.parametrize("mark", [" ", ":"])
+def test_numbers_of_points_are_no_people(put, mark):
+    rows = "".join(f"{at}{mark}{n} {p[0]} {p[1]} {p[2]}\n" for _ in TIMES for at, (n, p) in enumerate(PLACES, start=1))
+    take = read_take(put("numbered.txt", rows))
+    assert (take.names, take.n_frames) == (("knee", "toe"), 3)
+    assert not any("dropped" in notice for notice in take.notices)
+
+
+@pytest.mark.parametrize("end", [" ", ": ", "\n"])
+def test_takes_with_frame_numbers_are_no_people(put, end):
+    frames = [(n, t) for t in range(3) for n in range(1, 6)]
+    rows = "".join(f"{n}{end}knee {n} {t} 3\n{n}{end}toe {n} 5 {t}\n" for n, t in frames)
+    take = read_take(put("takes.txt", rows), recorded_unit="mm")
+    assert take.names == ("knee", "toe")
+    np.testing.assert_array_equal(take.positions[:, 0, :2], frames)
+    assert any("frame numbers go back" in notice for notice in take.notices)
