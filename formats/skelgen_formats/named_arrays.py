@@ -21,9 +21,8 @@ from skelgen.errors import FormatError
 from skelgen.geometry.frame_rate import AS_RECORDED_RATE
 from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.model.arrays import Floats
-from skelgen.progress import counted
 from skelgen_formats.clock_titles import clock_of
-from skelgen_formats.flags import are_unseen, flag_of, numbers_of
+from skelgen_formats.flagged_arrays import without_unseen
 from skelgen_formats.options import Options
 from skelgen_formats.table_heads import CAMEL
 from skelgen_formats.text import is_number, seconds_of
@@ -92,7 +91,7 @@ def take_from_arrays(
     notices: list[str] = []
     arrays = {key: _without_grades(_unflattened(key, array)) for key, array in arrays.items()}
     numbers, names = _bodies(arrays) or _positions(path, arrays, notices, otherwise)
-    numbers = _without_unseen(numbers, names, arrays, notices)
+    numbers = without_unseen(numbers, names, arrays, notices)
     if options.sample:
         numbers = numbers[options.sample.of(np.arange(len(numbers)))]
     rate = _number(arrays, _RATES)
@@ -108,25 +107,6 @@ def _unit(arrays: Arrays) -> str:
     words = {key: {*re.split(r"[_.]", CAMEL.sub("_", key).lower())} for key, one in arrays.items() if one.ndim == 0}
     units = [key for key, of_key in words.items() if of_key & UNIT_WORDS and of_key <= _OF_LENGTH]
     return next((str(arrays[key]) for key in sorted(units, key=len) if arrays[key].dtype.kind == "U"), "")
-
-
-def _without_unseen(numbers: NDArray[Any], names: Sequence[str], arrays: Arrays, notices: list[str]) -> NDArray[Any]:
-    """Return positions or bodies, NaN where flags of all, or of one, say that they are not seen, or nothing is sure."""
-    shape, are_seen = numbers.shape[:2], np.ones(numbers.shape[:2], dtype=np.bool_)
-    for key, array in arrays.items():
-        owner, _, word = key.rpartition(".")
-        flag = flag_of(word)
-        are_codes = array.dtype.kind in "bfiu" and (flag is None or flag.in_words)
-        told = array if flag is None or array.dtype.kind in "bfiu" else numbers_of(array, flag)
-        if flag is None or are_codes or told is None:
-            continue
-        if told.shape in (shape, shape[::-1]):
-            are_seen &= ~are_unseen(told if told.shape == shape else told.T, flag)
-        elif owner in names and told.shape == shape[:1]:
-            are_seen[:, names.index(owner)] &= ~are_unseen(told[:, np.newaxis], flag)[:, 0]
-    if hidden := int((~are_seen & ~np.isnan(numbers).any(axis=tuple(range(2, numbers.ndim)))).sum()):
-        notices.append(f"{counted(hidden, 'position is', 'positions are')} unseen, as flags or confidences say")
-    return np.where(are_seen[..., np.newaxis], numbers, np.nan)
 
 
 def _stamps(arrays: Arrays, n_frames: int) -> Iterator[Stamps]:

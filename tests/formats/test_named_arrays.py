@@ -264,3 +264,13 @@ def test_state_says_where_points_are_unseen(tmp_path):
     np.testing.assert_array_equal(read_take(tmp_path / "words.npz").seen, ~lost)
     np.savez(tmp_path / "codes.npz", **arrays, status=lost.astype(int))
     assert read_take(tmp_path / "codes.npz").seen.all()
+
+
+@pytest.mark.parametrize(("word", "flags", "n_seen"), [("occluded", 1, 0), ("valid", 0, N_FRAMES)])
+def test_flags_of_a_single_point(tmp_path, word, flags, n_seen):
+    """One that alone is called hidden is; one that alone is never called valid may have no flag."""
+    points = {name: POSITIONS[:, at] for at, name in enumerate(NAMES)}
+    np.savez(tmp_path / "one.npz", **points, **{f"{NAMES[0]}.{word}": np.full(N_FRAMES, flags)})
+    take = read_take(tmp_path / "one.npz")
+    assert len(take.names) == len(NAMES) - (n_seen == 0)
+    assert (NAMES[0] in take.names) == (n_seen > 0)

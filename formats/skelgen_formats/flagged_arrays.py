@@ -1,0 +1,57 @@
+"""Flags, states and confidences in arrays beside those of points, of all points, or of one each."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skelgen.progress import counted
+from skelgen_formats.flags import Flag, are_unseen, flag_of, numbers_of
+
+
+def without_unseen(
+    numbers: NDArray[Any], names: Sequence[str], arrays: Mapping[str, NDArray[Any]], notices: list[str]
+) -> NDArray[Any]:
+    """Return positions or bodies, NaN where flags of all, or of one, say that they are not seen, or nothing is sure.
+
+    Parameters
+    ----------
+    numbers : ndarray, shape (n_frames, n_points, n_numbers)
+        In any unit of length.
+    names : sequence of str
+        Of the points.
+    arrays : mapping of str to ndarray
+        All of the file by name; flags have the shape (n_frames, n_points) or its reverse, those of a point (n_frames,).
+    notices : list of str
+        Gets how many positions are unseen by flags.
+    """
+    shape, are_seen = numbers.shape[:2], np.ones(numbers.shape[:2], dtype=np.bool_)
+    of_points: dict[tuple[str, Flag], dict[int, NDArray[Any]]] = {}
+    for key, array in arrays.items():
+        owner, _, word = key.rpartition(".")
+        flag = flag_of(word)
+        are_codes = array.dtype.kind in "bfiu" and (flag is None or flag.in_words)
+        told = array if flag is None or array.dtype.kind in "bfiu" else numbers_of(array, flag)
+        if flag is None or are_codes or told is None:
+            continue
+        if told.shape in (shape, shape[::-1]):
+            are_seen &= ~are_unseen(told if told.shape == shape else told.T, flag)
+        elif owner in names and told.shape == shape[:1]:
+            of_points.setdefault((word, flag), {})[names.index(owner)] = told
+    for (_, flag), columns in of_points.items():
+        are_seen &= ~_unseen_of_points(columns, shape, flag)
+    if hidden := int((~are_seen & ~np.isnan(numbers).any(axis=tuple(range(2, numbers.ndim)))).sum()):
+        notices.append(f"{counted(hidden, 'position is', 'positions are')} unseen, as flags or confidences say")
+    return np.where(are_seen[..., np.newaxis], numbers, np.nan)
+
+
+def _unseen_of_points(columns: Mapping[int, NDArray[Any]], shape: tuple[int, ...], flag: Flag) -> NDArray[np.bool_]:
+    """Return where points are unseen by flags of some; one that alone is called hidden is, throughout, too."""
+    told = np.full(shape, np.nan)
+    for at, values in columns.items():
+        told[:, at] = values
+    judged = [*range(shape[1])] if flag.hides else [*columns]
+    unseen = np.zeros(shape, dtype=np.bool_)
+    unseen[:, judged] = are_unseen(told[:, judged], flag)
+    return unseen
