@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 
 from skelgen.errors import FormatError
 from skelgen.model import PointCloud, Poses, Trajectories
-from skelgen_formats.clock_titles import clock_of, is_frame
 from skelgen_formats.flags import flag_of, numbers_of
+from skelgen_formats.json_records import NAME_KEYS, OWNER, by_frame
 from skelgen_formats.lines import Lines, read_lines
 from skelgen_formats.named_arrays import take_from_arrays
 from skelgen_formats.options import POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
@@ -38,15 +38,11 @@ from skelgen_formats.turn_titles import AXES
 
 _STARTS = re.compile(rb'\s*(?:\{\s*["}]|\[\s*[\[{])')
 _SUFFIXES = (".json", ".jsonl", ".ndjson")
-_NAME_KEYS, _NAMES = ("name", "label"), "names"
+_NAMES = "names"
 _POSITION = "position"
 _PLACE_WORDS = (_POSITION, "positions", "pos", "translation", "location", "coordinates", "xyz", "data")
 _JSON, _OTHERWISE = "JSON", "this is {}; write the points as TRC or wide CSV, those of images triangulated first"
 _DEEPEST, _MOST_TIMES = 64, 1000  # objects in objects; frames for each one that is listed
-_OWNER = re.compile(
-    r"(?:(?:body|person|people|subject|user|player|actor|skeleton|track(?:ing)?|instance)_?)?(?:id|idx|index)|person|subject"
-)
-_IMAGE = re.compile(r"(?:image|img)(?:_(?:id|idx|index|name|file|path))?|file_?name")
 _OF_FRAME = re.compile(r"(?:(?:frame|image|img|time|t)[ _-]?)?\d+(?:\.\w+)?", re.IGNORECASE)  # frame_0001, 0.02
 
 _Path = tuple[str, ...]
@@ -108,7 +104,7 @@ def take_from_value(path: Path, value: Any, options: Options, what: str) -> Traj
         if find_tidy_head(lines) is not None:
             return read_tidy(path, lines, options)
         counts: dict[_Path, Counter[Any]] = {}
-        value = _plain(_by_frame(_with_whole_markers(value)))
+        value = by_frame(_plain(_with_whole_markers(value)))
         _find_owners(value, (), counts, in_frame=False)
         owners = {key: _listed(count) for key, count in counts.items()}
         leaves = dict(starmap(_with_flags, _leaves(_by_owner(value, (), owners), ())))
@@ -167,34 +163,6 @@ def _with_whole_markers(value: Any) -> Any:
     return {"unit": "mm", "rate": value["Timebase"]["Frequency"], "Markers": whole}
 
 
-def _by_frame(value: Any) -> Any:
-    """Return frames, each with a list of its records, for records of people or points that repeat a frame."""
-    if isinstance(value, dict):
-        return {key: _by_frame(one) if isinstance(one, list) else one for key, one in value.items()}
-    if not isinstance(value, list) or len(value) < 2 or not all(isinstance(one, dict) for one in value):
-        return value
-    plain = {key: CAMEL.sub("_", key).lower() for key in value[0]}
-    own = {key for key in plain if _OWNER.fullmatch(plain[key]) or plain[key] in _NAME_KEYS}
-    of_records = {key for key in own if len({str(one.get(key)) for one in value}) == len(value)}  # as COCO numbers them
-    owners = own - of_records
-    moments = [key for key in plain if is_frame(plain[key]) or _IMAGE.fullmatch(plain[key])]
-    moments += [key for key in plain if owners and clock_of([plain[key]])]
-    for key in moments:
-        frames: dict[str, list[dict[str, Any]]] = {}
-        for one in value:
-            record = {other: part for other, part in one.items() if other != key and other not in of_records}
-            frames.setdefault(str(one.get(key)), []).append(record)
-        whose = ([str([one.get(owner) for owner in owners]) for one in frame] for frame in frames.values())
-        is_take = not is_frame(plain[key]) and len(frames) < max(map(len, frames.values()))
-        if (
-            1 < len(frames) < len(value)
-            and not is_take
-            and not (owners and any(len({*frame}) < len(frame) for frame in whose))
-        ):
-            return [{key: moment, "records": records} for moment, records in frames.items()]
-    return value
-
-
 def _leaves(value: Any, path: _Path) -> Iterator[tuple[_Path, Any]]:
     """Yield what holds no objects, with the keys that lead to it; names of objects in a list under that of the list."""
     value = _plain(value)
@@ -202,7 +170,7 @@ def _leaves(value: Any, path: _Path) -> Iterator[tuple[_Path, Any]]:
     if len(path) > _DEEPEST:
         raise ValueError("objects in objects")
     for key in keys:
-        is_name = key.lower() in _NAME_KEYS and isinstance(value, list)
+        is_name = key.lower() in NAME_KEYS and isinstance(value, list)
         yield from _leaves(_picked(value, key), (*path, _NAMES if is_name else key))
     if not keys:
         yield path, value
@@ -257,9 +225,9 @@ def _listed(count: Counter[Any]) -> list[Any]:
 
 def _ids(objects: Sequence[dict[str, Any]]) -> list[Any]:
     """Return the id of each object; their places in the list if they have none of their own."""
-    if any(key.lower() in _NAME_KEYS or key.lower().endswith("name") for key in objects[0]):
+    if any(key.lower() in NAME_KEYS or key.lower().endswith("name") for key in objects[0]):
         return []
-    key = next((key for key in objects[0] if _OWNER.fullmatch(CAMEL.sub("_", key).lower())), "")
+    key = next((key for key in objects[0] if OWNER.fullmatch(CAMEL.sub("_", key).lower())), "")
     ids = [one.get(key) for one in objects]
     are_own = all(isinstance(one, (str, int)) for one in ids) and len({*ids}) == len(ids)
     return ids if are_own else [*range(len(objects))]

@@ -236,6 +236,12 @@ def test_records_that_repeat_a_time_of_one_person_are_frames(put):
     np.testing.assert_allclose(take.positions, PLACES)
 
 
+def test_indices_of_frames_in_a_second_are_no_people(put):
+    records = [{"time": n // 2, "index": n % 2, "points": pair[0].tolist()} for n, pair in enumerate([*PAIR, *PAIR])]
+    take = read_take(put("seconds.json", json.dumps(records)), recorded_unit="mm")
+    np.testing.assert_allclose(take.positions, np.tile(PAIR[:, 0], (2, 1, 1)))
+
+
 def test_joints_of_the_only_actor_keep_their_names(put):
     """A list of actors in each frame."""
     joints = dict(zip("abcd", PAIR[0, 0].tolist(), strict=True))
@@ -249,3 +255,97 @@ def test_joints_of_the_only_actor_keep_their_names(put):
     take = read_take(put("actor.json", json.dumps(frames)), recorded_unit="mm")
     assert (take.names, take.rate) == (("a", "b", "c", "d"), 30.0)
     np.testing.assert_allclose(take.positions[4], PAIR[0, 0])
+
+
+AGAIN = (0, 1, 2, 2, 3)
+"""Numbers of frames, of which one is repeated."""
+
+
+@pytest.mark.parametrize(
+    "parts",
+    [
+        [dict(zip("abcd", pair[0].tolist(), strict=True)) for pair in PAIR],
+        [{"joints": dict(zip("abcd", pair[0].tolist(), strict=True))} for pair in PAIR],
+        [{"person_id": 7, "joints": dict(zip("abcd", pair[0].tolist(), strict=True))} for pair in PAIR],
+        [
+            {"markers": [{"name": k, "position": p} for k, p in zip("abcd", pair[0].tolist(), strict=True)]}
+            for pair in PAIR
+        ],
+    ],
+    ids=("keys", "joints", "one person", "markers"),
+)
+def test_repeated_frame_is_no_second_person(put, parts):
+    frames = [{"frame": n, **part} for n, part in zip(AGAIN, parts, strict=True)]
+    take = read_take(put("again.json", json.dumps(frames)), recorded_unit="mm")
+    assert take.names == ("a", "b", "c", "d")
+    np.testing.assert_allclose(take.positions, PAIR[:, 0])
+
+
+@pytest.mark.parametrize("own", [{}, {"id": None}, {"subject": None}])
+@pytest.mark.parametrize("moment", ["frame", "image_id"])
+def test_takes_one_after_the_other_are_no_people(put, own, moment):
+    """Without ids, with one for each record, or with subjects."""
+    ids = {"id": lambda take, n: 5 * take + n, "subject": lambda take, n: f"S{take}"}
+    records = [
+        {moment: n, **{key: ids[key](take, n) for key in own}, "hip": hip, "knee": knee}
+        for take in (0, 1)
+        for n, (hip, knee, *_) in enumerate(PAIR[:, take].tolist())
+    ]
+    take = read_take(put("takes.json", json.dumps(records)), recorded_unit="mm")
+    assert take.names == ("hip", "knee")
+    np.testing.assert_allclose(take.positions, np.concatenate([PAIR[:, 0, :2], PAIR[:, 1, :2]]))
+
+
+@pytest.mark.parametrize("where", [lambda places: places, lambda places: {"joints": places}])
+def test_points_of_people_may_be_keys(put, where):
+    records = [
+        {"frame": n, "person_id": k, **where(dict(zip(("hip", "knee"), PAIR[n, k, :2].tolist(), strict=True)))}
+        for n in range(5)
+        for k in (0, 1)
+    ]
+    take = read_take(put("keys.json", json.dumps(records)), recorded_unit="mm")
+    assert take.names == ("1:hip", "1:knee", "2:hip", "2:knee")
+    np.testing.assert_allclose(take.positions, PAIR[:, :, :2].reshape(5, 4, 3))
+
+
+@pytest.mark.parametrize("own", ["name", "id"])
+@pytest.mark.parametrize(
+    ("key", "frames"), [("frame", ("world", "base")), ("frame_id", (0, 1)), ("image", ("1.png", "2.png"))]
+)
+def test_frames_of_reference_and_images_of_trajectories_are_no_moments(put, own, key, frames):
+    for n_markers in (3, 4):
+        whole = [{own: f"m{k}", key: frames[k // 2], "positions": PAIR[:, 0, k].tolist()} for k in range(n_markers)]
+        take = read_take(put("whole.json", json.dumps(whole)), recorded_unit="mm")
+        np.testing.assert_allclose(take.positions, PAIR[:, 0, :n_markers])
+
+
+def test_records_of_a_named_point_each_are_points(put):
+    records = [{"frame": n, "name": "abcd"[k], "position": PAIR[n, 0, k].tolist()} for n in range(5) for k in range(4)]
+    take = read_take(put("named.json", json.dumps(records)), recorded_unit="mm")
+    assert take.names == ("a", "b", "c", "d")
+    np.testing.assert_allclose(take.positions, PAIR[:, 0])
+
+
+@pytest.mark.parametrize("beside", ["velocity", "normal"])
+def test_velocities_beside_positions_of_points_with_ids_are_left_out(put, beside):
+    records = [
+        {"frame": n, "id": k, "position": PAIR[n, 0, k].tolist(), beside: [1, 2, n]} for n in range(5) for k in range(4)
+    ]
+    take = read_take(put("moving.json", json.dumps(records)), recorded_unit="mm")
+    np.testing.assert_allclose(take.positions, PAIR[:, 0])
+
+
+@pytest.mark.parametrize(("key", "no", "yes"), [("occluded", 0, 1), ("hidden", "no", "yes"), ("valid", 1, 0)])
+def test_point_that_is_hidden_throughout_is_dropped(put, key, no, yes):
+    points = {
+        name: {"position": PAIR[:, 0, k].tolist(), key: [yes if name == "d" else no] * 5}
+        for k, name in enumerate("abcd")
+    }
+    take = read_take(put("hidden.json", json.dumps({"rate": 50, **points})), recorded_unit="mm")
+    assert take.names == ("a", "b", "c")
+    assert "5 positions are unseen, as flags or confidences say" in take.notices
+
+
+def test_flags_by_which_nothing_is_seen_say_nothing(put):
+    points = {name: {"position": PAIR[:, 0, k].tolist(), "confidence": [0] * 5} for k, name in enumerate("abcd")}
+    assert read_take(put("unsure.json", json.dumps({"rate": 50, **points})), recorded_unit="mm").seen.all()

@@ -1,0 +1,151 @@
+"""Records of JSON of which each is a person, or a point, at a moment, as AlphaPose and COCO list them.
+
+Only what tells surely that several records are of one moment makes them one frame: an id or name tells them apart in
+it, or each has a number of its own and stands beside those of the same image; most moments have several; and each
+record holds one pose. All else is left as it is: rates of two clocks, and takes one after the other, repeat moments,
+too.
+"""
+
+import re
+from collections.abc import Collection, Mapping, Sequence
+from itertools import groupby
+from typing import Any
+
+from skelgen_formats.clock_titles import clock_of, is_frame
+from skelgen_formats.table_heads import CAMEL
+from skelgen_formats.text import is_number, seconds_of
+from skelgen_formats.turn_titles import AXES
+
+NAME_KEYS = ("name", "label")
+"""Keys of names of points or people."""
+
+OWNER = re.compile(
+    r"(?:(?:body|person|people|subject|user|player|actor|skeleton|track(?:ing)?|instance)_?)?(?:id|idx|index)|person|subject"
+)
+"""Keys, in small letters with underscores, of what tells people or points apart."""
+
+_IMAGE = re.compile(r"(?:image|img)(?:_(?:id|idx|index|name|file|path))?|file_?name")
+_NO_PLACE = re.compile(
+    r"(?:.*_)?(?:v|vel.*|speed|acc.*|rot.*|orient.*|euler.*|angles?|angular.*|quat.*|normal|direction|size|dim.*|scale"
+    r"|colou?r|rgb|b?box|forces?|moments?|torques?|gyro.*|mag.*|gaze|offset|pos.*|translation|location|coord.*|xyz|data)"
+)
+_INDICES = {"index", "idx"}  # at times in whole seconds also those of frames in them
+_FEWEST = 2  # points of a person
+
+_Records = list[dict[str, Any]]
+
+
+def by_frame(value: Any) -> Any:
+    """Return frames, each with a list of its records, for records of people or points that repeat a frame.
+
+    Parameters
+    ----------
+    value : list, dict, str, float or None
+        As JSON has it; lists in an object are looked at, too.
+    """
+    if isinstance(value, dict):
+        return {key: by_frame(one) if isinstance(one, list) else one for key, one in value.items()}
+    if not isinstance(value, list) or len(value) < 2 or not all(isinstance(one, dict) for one in value):
+        return value
+    plain = {key: _plain(key) for key in value[0]}
+    own = [key for key in plain if OWNER.fullmatch(plain[key]) or plain[key] in NAME_KEYS]
+    of_records = {key for key in own if len({str(one.get(key)) for one in value}) == len(value)}  # as COCO numbers them
+    owners = [key for key in own if key not in of_records]
+    images = [key for key in plain if _IMAGE.fullmatch(plain[key])]
+    numbered = [key for key in plain if is_frame(plain[key])]
+    if any(plain[key] not in _INDICES for key in owners):
+        numbered += [key for key in plain if clock_of([plain[key]])]
+    for key in [*images, *(key for key in numbered if owners and _are_numbers(value, key))]:
+        frames: dict[str, _Records] = {}
+        for one in value:
+            record = {other: part for other, part in one.items() if other != key and other not in of_records}
+            frames.setdefault(str(one.get(key)), []).append(record)
+        is_sure = _tell_apart(frames, owners) if owners else _are_numbered(value, key, of_records)
+        if is_sure and _are_several(frames, is_numbered=is_frame(plain[key])) and not _are_takes(value, key, owners):
+            return _listed(key, frames, [*owners])
+    return value
+
+
+def _plain(key: str) -> str:
+    return CAMEL.sub("_", key).lower()
+
+
+def _are_numbers(records: _Records, key: str) -> bool:
+    """Whether all moments are numbers, times of day or dates; frames of reference have names."""
+    return all(isinstance(one.get(key), (int, float, str)) and is_number(seconds_of(str(one[key]))) for one in records)
+
+
+def _are_together(records: _Records, key: str) -> bool:
+    """Whether the records of each moment stand behind each other; takes that follow each other begin anew."""
+    moments = [moment for moment, _ in groupby(str(one.get(key)) for one in records)]
+    return len({*moments}) == len(moments)
+
+
+def _are_numbered(records: _Records, key: str, of_records: Collection[str]) -> bool:
+    """Whether each record has a number of its own, and no name, and stands beside those of the same image."""
+    return bool(of_records) and not {*map(_plain, of_records)} & {*NAME_KEYS} and _are_together(records, key)
+
+
+def _are_takes(records: _Records, key: str, owners: Sequence[str]) -> bool:
+    """Whether subjects, as those of a study, come after each other, with the same moments each."""
+    return any("subject" in _plain(owner) for owner in owners) and not _are_together(records, key)
+
+
+def _are_several(frames: Mapping[str, _Records], *, is_numbered: bool) -> bool:
+    """Whether most moments have several records; images and times are more than the records of any."""
+    counts = [*map(len, frames.values())]
+    is_many = len(frames) > (1 if is_numbered else max(counts))
+    return is_many and 2 * sum(count > 1 for count in counts) > len(frames)
+
+
+def _tell_apart(frames: Mapping[str, _Records], owners: Sequence[str]) -> bool:
+    """Whether owners tell apart the records of each moment, by names only such as hold one position."""
+    names = [key for key in owners if _plain(key) in NAME_KEYS]
+    every = [record for records in frames.values() for record in records]
+    if names and any(_is_list_of_lists(part) for record in every for part in record.values()):
+        return False
+    keys = names or owners
+    return all(
+        len({str([one.get(key) for key in keys]) for one in records}) == len(records) for records in frames.values()
+    )
+
+
+def _listed(key: str, frames: Mapping[str, _Records], owners: Sequence[str]) -> Any:
+    """Return frames with lists of records, the points of people in lists if each has a key of its own."""
+    listed = [{key: moment, "points": records} for moment, records in frames.items()]
+    every = [record for records in frames.values() for record in records]
+    parts = [part for part in every[0] if all(_holds_places(record.get(part)) for record in every)]
+    own = [part for part in dict.fromkeys(part for one in every for part in one) if part not in owners]
+    places = [part for part in own if all(one.get(part) is None or _is_place(one[part]) for one in every)]
+    places = [part for part in places if any(one.get(part) is not None for one in every)]
+    if len(parts) == 1 and not places:
+        names = [*dict.fromkeys(name for one in every for name in one[parts[0]])]
+        for one in every:
+            one[parts[0]] = [one[parts[0]].get(name) for name in names]
+    elif not parts and len(places) >= _FEWEST and not any(_NO_PLACE.fullmatch(_plain(part)) for part in places):
+        names = places
+        for one in every:
+            one["keypoints"] = [one.pop(name, None) for name in names]
+    else:
+        return listed
+    return {"names": names, "frames": listed}
+
+
+def _holds_places(part: Any) -> bool:
+    return (
+        isinstance(part, dict)
+        and sum(map(_is_place, part.values())) >= _FEWEST
+        and all(place is None or _is_place(place) for place in part.values())
+    )
+
+
+def _is_place(part: Any) -> bool:
+    return (
+        isinstance(part, list)
+        and len(part) == len(AXES)
+        and all(isinstance(one, (int, float)) or one is None for one in part)
+    )
+
+
+def _is_list_of_lists(part: Any) -> bool:
+    return isinstance(part, list) and any(isinstance(one, list) for one in part)
