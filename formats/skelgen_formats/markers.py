@@ -56,14 +56,26 @@ def mm_per_unit(path: Path, place: str | int, unit: str) -> float:
     unit : str
         What the file says, in any case.
     """
+    factor = mm_of_unit(unit)
+    if factor is None:
+        known = ", ".join(dict.fromkeys(MM_PER_UNIT))
+        raise FormatError(path, place, f"the length unit is {unit.strip()[:20]!r}; it must be one of {known}")
+    return factor
+
+
+def mm_of_unit(unit: str) -> float | None:
+    """Return how many mm the named length unit has; None if it is none.
+
+    Parameters
+    ----------
+    unit : str
+        What a file says, in any case; names may be cut off.
+    """
     word = unit.strip(" \t\"'").lower()
     factors = {
         mm for name, mm in MM_PER_UNIT.items() if name == word or (len(word) >= _CUT_UNIT and name.startswith(word))
     }
-    if len(factors) != 1:
-        known = ", ".join(dict.fromkeys(MM_PER_UNIT))
-        raise FormatError(path, place, f"the length unit is {unit.strip()[:20]!r}; it must be one of {known}")
-    return factors.pop()
+    return factors.pop() if len(factors) == 1 else None
 
 
 def scaled(path: Path, positions: Floats, factor: float) -> Floats:

@@ -15,6 +15,7 @@ from operator import mul
 from skelgen_formats.body_columns import Body
 from skelgen_formats.clock_titles import Clock, clock_of, is_frame
 from skelgen_formats.flags import is_of_flag
+from skelgen_formats.markers import mm_of_unit
 from skelgen_formats.options import MM_PER_UNIT
 from skelgen_formats.text import (
     is_number,
@@ -77,7 +78,6 @@ _OWNING = re.compile(
     r"(?:joint|marker|bone|segment|body|keypoint|landmark|sensor|point|finger|hand|side)[ _]?(?:name|label|type)?",
     re.IGNORECASE,
 )
-_OF_TIME = re.compile(r"frame|sub|sample|sec|phase|tick|cycle|index|count|^m?s$", re.IGNORECASE)
 _EVEN = 2.0  # how much longer than the shortest one a step from time to time is, at most
 _UNIT_TOLERANCE = 1e-3  # of the length of quaternions, which are printed with a few digits
 _COMMENT = "#%"  # what stands before the titles that numpy and ROS write
@@ -169,7 +169,9 @@ def read_preamble(head: Head, before: Sequence[Sequence[str]]) -> None:
         key = CAMEL.sub(" ", key.strip())
         stated = _STATED.fullmatch(key)
         if stated and not stated[1] and not stated[2]:
-            head.unit = head.unit or value
+            is_length = mm_of_unit(value) is not None
+            head.notices += [] if is_length or not value else [f"the {key.lower()} {value[:20]} is none of length"]
+            head.unit = head.unit or (value if is_length else "")
         elif stated and not _OF_OTHERS.search(key):
             head.rate = head.rate or (value.rstrip(" Hzfps") if stated[1] else _rate_of_step(value, stated[3] or "s"))
 
@@ -272,23 +274,6 @@ def _are_times(cells: Sequence[str], *, first: bool) -> bool:
     return False
 
 
-def are_names(cells: Sequence[str], moments: Sequence[str]) -> bool:
-    """Whether cells are words or numbers of points: each once in a frame, and the same in the first and the next.
-
-    Parameters
-    ----------
-    cells : sequence of str
-        Of a column.
-    moments : sequence of str
-        Frame numbers or times of the same rows.
-    """
-    if len(cells) != len(moments) or len({*zip(moments, cells, strict=True)}) < len(cells):
-        return False
-    two = [*dict.fromkeys(moments), "", ""][:2]
-    first, second = ({cell for cell, one in zip(cells, moments, strict=True) if one == moment} for moment in two)
-    return len(first) > 1 and first == second and all(cell.isdecimal() or not is_number(cell) for cell in first)
-
-
 def _owners(head: Head, titles: Sequence[str], rows: Sequence[Sequence[str]]) -> list[int]:
     """Return the columns that say whose row it is; none if rows do not take turns."""
     columns = {at: [row[at] for row in rows if at < len(row)] for at in range(len(titles))}
@@ -300,14 +285,6 @@ def _owners(head: Head, titles: Sequence[str], rows: Sequence[Sequence[str]]) ->
         at for at in named if _OWNER.fullmatch(titles[at]) and len({*columns[at]}) < len([*groupby(columns[at])])
     }
     taking_turns = differing | recurring
-    if not taking_turns and head.counts is not None and head.counts in columns:
-        taken = {column for body in head.bodies for column in (*body.every_column, *body.flags)} | {head.counts}
-        others = (at for at, title in enumerate(titles) if at not in taken and not _OF_TIME.search(title))
-        owner = [at for at in others if are_names(columns[at], columns[head.counts])][:1]
-        head.notices += [
-            f"rows take turns by the column {titles[at]}: its cells stand before the names" for at in owner
-        ]
-        return owner
     return sorted((named & words if taking_turns & named else set()) or taking_turns)
 
 

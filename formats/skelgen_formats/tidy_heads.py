@@ -12,7 +12,7 @@ from itertools import groupby
 from skelgen_formats.body_columns import Body
 from skelgen_formats.clock_titles import clock_of, is_frame
 from skelgen_formats.spelling import spelt
-from skelgen_formats.table_heads import CAMEL, DELIMITERS, are_names, read_preamble, with_row_names
+from skelgen_formats.table_heads import CAMEL, DELIMITERS, read_preamble, with_row_names
 from skelgen_formats.text import is_number, mark_in, unit_behind, unquoted, without_trailing_empty, words_of
 from skelgen_formats.title_lines import Head
 from skelgen_formats.titles import bodies_of, nameless_body
@@ -23,6 +23,7 @@ _ENDS = (
     ("_id", "_index", "id", "_idx", "_number", "_no"),
 )  # of titles of names; those of the first stand for words
 _COMMENTS = ("#", "%")
+_VALUED = re.compile(r"[:=]\s*\S")
 _VALUE = re.compile(r"(?:value|position|pos|coordinate)s?(?:[ _]?[\[(]?(mm|cm|m)[\])]?)?", re.IGNORECASE)
 AXIS_IN_NAME = re.compile(r"(?:[_ .:-][xyzXYZ]|(?<=[a-z0-9])[XYZ])$")
 """Where names of points end with the axis of a value."""
@@ -64,8 +65,9 @@ def find_tidy_head(lines: Sequence[str]) -> TidyHead | None:
             if len(titles) >= _FEWEST_TITLES and (head := _head_of(titles, cells_of)):
                 head.delimiter, head.n_lines = delimiter, index + 1
                 read_preamble(head, [_stated(one) for one in lines[:index]])
-                return head
-        if index >= _PREAMBLE or "\0" in line or len(_stated(line)) >= _FEWEST_TITLES:
+                are_comments = all(one.startswith(_COMMENTS) or not one.strip() for one in lines[:index])
+                return head if are_comments or "name" in head.at else None
+        if index >= _PREAMBLE or "\0" in line or not _may_precede(line):
             break
     return None
 
@@ -75,6 +77,12 @@ def _stated(line: str) -> list[str]:
     if line.startswith(_COMMENTS):
         return [line.lstrip("".join(_COMMENTS) + " ")]
     return without_trailing_empty([cell.strip().strip('"') for cell in re.split(r"[,;\t]", line)])
+
+
+def _may_precede(line: str) -> bool:
+    """Whether a line may stand before the titles: blank, a comment, or a word and its value, but no name alone."""
+    cells = [] if line.startswith(_COMMENTS) else _stated(line)
+    return not cells or 1 < len(cells) < _FEWEST_TITLES or (len(cells) == 1 and _VALUED.search(cells[0]) is not None)
 
 
 @cache
@@ -118,7 +126,7 @@ def _head_of(titles: Sequence[str], cells_of: Callable[[int], list[str]]) -> Tid
         cells_in = cells_of(moments[0])
         at |= zip(
             ["name"],
-            (one for one in sorted(others)[:_MOST_OTHERS] if are_names(cells_of(one), cells_in)),
+            (one for one in sorted(others)[:_MOST_OTHERS] if _are_names(cells_of(one), cells_in)),
             strict=False,
         )
     values = [column for column, title in enumerate(titles) if _VALUE.fullmatch(title) and column != at.get("axis")]
@@ -139,6 +147,15 @@ def _head_of(titles: Sequence[str], cells_of: Callable[[int], list[str]]) -> Tid
     head.unit_in_cells, head.mark = unit_behind(numbers), mark_in(numbers)
     head.unit = head.unit_in_cells or head.unit
     return head if is_by_axis or is_tidy else None
+
+
+def _are_names(cells: Sequence[str], moments: Sequence[str]) -> bool:
+    """Whether cells are words or numbers of points: each once in a frame, and the same in the first and the next."""
+    if len(cells) != len(moments) or len({*zip(moments, cells, strict=True)}) < len(cells):
+        return False
+    two = [*dict.fromkeys(moments), "", ""][:2]
+    first, second = ({cell for cell, one in zip(cells, moments, strict=True) if one == moment} for moment in two)
+    return len(first) > 1 and first == second and all(cell.isdecimal() or not is_number(cell) for cell in first)
 
 
 def _tells_frames(names: Sequence[str], body: Body) -> bool:

@@ -1,4 +1,4 @@
-"""Several people in one table or list: by numbers before names, above them, or in a column that has any title."""
+"""Several people in one table or list: by numbers before names, or above them."""
 
 from __future__ import annotations
 
@@ -44,16 +44,7 @@ def test_numbers_of_people_are_parts_of_names(put, content):
     np.testing.assert_array_equal(take.positions, PLACES.reshape(4, -1, 3))
 
 
-@pytest.mark.parametrize("title", ["player", "dancer", "who", "pid"])
-def test_people_may_take_turns_under_any_title(put, title):
-    titles = f"time,{title}," + ",".join(f"{joint}_{axis}" for joint in JOINTS for axis in "xyz")
-    rows = "".join(f"{n / 50},{p + 4},{cells(PLACES[n, p])}\n" for n in range(4) for p in range(2))
-    take = read_take(put("turns.csv", f"{titles}\n{rows}"), recorded_unit="mm")
-    assert (take.n_frames, take.n_markers, take.rate) == (4, 6, 50.0)
-    np.testing.assert_array_equal(take.positions, PLACES.reshape(4, -1, 3))
-
-
-@pytest.mark.parametrize("title", ["Sub Frame", "subframe", "sample"])
+@pytest.mark.parametrize("title", ["Sub Frame", "subframe", "sample", "trial", "half", "step", "plate"])
 def test_parts_of_frames_are_no_people(put, title):
     titles = f"Frame,{title}," + ",".join(f"{joint}_{axis}" for joint in JOINTS for axis in "xyz")
     rows = "".join(f"{n},{part},{cells(PLACES[n, part])}\n" for n in range(4) for part in range(2))
