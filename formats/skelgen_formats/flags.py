@@ -1,8 +1,9 @@
 """What says of points whether they are seen: titles of columns, keys of arrays, and their cells and numbers.
 
 A flag that is empty says no: what nothing calls visible, or how sure, is unseen; what nothing calls hidden is seen. A
-status that is empty or unknown says nothing, nor does a flag or confidence that a point never has, nor flags by which
-nothing at all is seen.
+status that is empty or unknown says nothing, nor does a flag or confidence that a point has in less than half of its
+frames, nor numbers by which nothing at all is seen; in tidy tables flags by which nothing is seen count, but no
+confidences.
 """
 
 import contextlib
@@ -14,10 +15,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from skelgen.model.arrays import Floats
 from skelgen_formats.text import is_number, is_unseen
 
 FLAG_WORD = (
-    r"(?:v|(?:is_?)?(?:(?:tracking_?)?valid|visible|tracked|seen|(?P<hides>occluded|hidden|lost|missing))|tracking_?state"
+    r"(?:(?P<may_be_speed>v)"
+    r"|(?:is_?)?(?:(?:tracking_?)?valid|visible|tracked|seen|(?P<hides>occluded|hidden|lost|missing))|tracking_?state"
     r"|(?P<graded>cond|conf|confidences?|likelihoods?|scores?|visibility)|(?P<in_words>status|state)"
     r"|(?P<deviates>residuals?))"
 )
@@ -35,6 +38,11 @@ _KNOWN = {word for word in _TRUTH | _OF_STATE if word.isalpha()} | {"none"}
 RESIDUAL_OF_UNSEEN = -1.0
 """As in C3D files."""
 
+FEWEST_TOLD = 0.5
+"""Share of the frames of a point in which its flag must stand, if it says no where it is empty."""
+
+_OF_COCO = (0.0, 1.0, 2.0)  # not labelled, hidden, visible
+
 
 @dataclass(frozen=True)
 class Flag:
@@ -50,12 +58,15 @@ class Flag:
         Whether its numbers say nothing, as they are codes.
     deviates : bool
         Whether its numbers are residuals, of which -1 alone says that the point is not seen, as in C3D files.
+    may_be_speed : bool
+        Whether its title is v, and its numbers are flags only if all are 0, 1 or 2.
     """
 
     hides: bool = False
     is_graded: bool = False
     in_words: bool = False
     deviates: bool = False
+    may_be_speed: bool = False
 
 
 def flag_of(title: str) -> Flag | None:
@@ -67,7 +78,8 @@ def flag_of(title: str) -> Flag | None:
         A word in any case.
     """
     match = re.fullmatch(FLAG_WORD, title, re.IGNORECASE)
-    return Flag(*(match[kind] is not None for kind in ("hides", "graded", "in_words", "deviates"))) if match else None
+    kinds = ("hides", "graded", "in_words", "deviates", "may_be_speed")
+    return Flag(*(match[kind] is not None for kind in kinds)) if match else None
 
 
 def is_seen(cell: str, flag: Flag) -> bool | None:
@@ -84,6 +96,19 @@ def is_seen(cell: str, flag: Flag) -> bool | None:
     if word in _OF_STATE:
         return _OF_STATE[word]
     return None if word not in _TRUTH or (flag.in_words and is_number(word)) else _TRUTH[word] != flag.hides
+
+
+def is_answer(cell: str, flag: Flag) -> bool:
+    """Whether a cell says in a word of its own whether a point is seen, and is no title such as valid or knee_lost.
+
+    Parameters
+    ----------
+    cell, flag
+        As for `is_seen`.
+    """
+    word = cell.strip().lower()
+    is_title = word not in _TRUTH | _OF_STATE or re.fullmatch(FLAG_OF_ALL, word)
+    return not is_title and is_seen(word, flag) is not None
 
 
 def is_of_flag(cell: str, flag: Flag) -> bool:
@@ -149,19 +174,34 @@ def are_unseen(numbers: NDArray[Any], flag: Flag) -> NDArray[np.bool_]:
     Parameters
     ----------
     numbers : ndarray, shape (n_frames, n_points)
-        Of each point whole ones, grades, at most 0 where it is not seen, or residuals; NaN where nothing stands.
+        Of each point ones that are at most 0 where it is not seen, grades, or residuals; NaN where nothing stands.
     flag : Flag
         What the title says of them.
     """
     values = numbers.astype(np.float64)
     is_empty = np.isnan(values)
-    unseen: NDArray[np.bool_] = values == RESIDUAL_OF_UNSEEN
-    if not flag.deviates:
-        with np.errstate(invalid="ignore"):
-            tells = flag.is_graded | (is_empty | (values == np.round(values))).all(axis=0)  # else knee_v is a speed
-        no = is_empty | (values <= 0.0)
-        unseen = tells & ~is_empty.all(axis=0) & (~no if flag.hides else no)
+    if flag.deviates:
+        unseen: NDArray[np.bool_] = values == RESIDUAL_OF_UNSEEN
+    elif flag.hides:
+        unseen = values > 0.0
+    else:
+        is_told = (~is_empty).mean(axis=0) >= FEWEST_TOLD if len(values) else is_empty.any(axis=0)
+        unseen = (are_unsure(values) if flag.is_graded else values <= 0.0) | (is_empty & is_told)
+        unseen &= not flag.may_be_speed or np.isin(values[~is_empty], _OF_COCO).all()
     return np.zeros_like(unseen) if unseen.all() else unseen
+
+
+def are_unsure(grades: Floats) -> NDArray[np.bool_]:
+    """Return where grades, of any shape, say that a point is unseen: at most 0, or 0 if some have no lower bound.
+
+    Parameters
+    ----------
+    grades : ndarray
+        From 0, with -1 for what is unseen, or logits; NaN where there is none.
+    """
+    are_logits = ((grades < 0.0) & (grades != RESIDUAL_OF_UNSEEN)).any()
+    unsure: NDArray[np.bool_] = grades == 0.0 if are_logits else grades <= 0.0
+    return unsure
 
 
 def with_flags(line: str, flags: Mapping[int, Flag], delimiter: str | None) -> str:

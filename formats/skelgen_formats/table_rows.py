@@ -4,10 +4,10 @@ import contextlib
 import math
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from skelgen.progress import counted
-from skelgen_formats.flags import with_flags
+from skelgen_formats.flags import Flag, is_answer, with_flags
 from skelgen_formats.text import is_number, is_unseen, seconds_of, unquoted
 from skelgen_formats.title_lines import Head
 
@@ -93,8 +93,10 @@ def unquoted_rows(lines: Iterable[tuple[int, str]], delimiter: str | None, least
             yield number, unquoted(line, delimiter)
 
 
-def with_plain_numbers(numbered: Iterable[tuple[int, str]], head: Head) -> Iterator[tuple[int, str]]:
-    """Yield lines without the units that stand behind numbers in cells, and the marks between thousands.
+def with_plain_numbers(
+    numbered: Iterable[tuple[int, str]], head: Head, columns: Iterable[int]
+) -> Iterator[tuple[int, str]]:
+    """Yield lines without the units that stand behind numbers in cells, and the marks between thousands of coordinates.
 
     Parameters
     ----------
@@ -102,13 +104,20 @@ def with_plain_numbers(numbered: Iterable[tuple[int, str]], head: Head) -> Itera
         Of rows.
     head : Head
         Of the table.
+    columns : iterable of int
+        Of coordinates.
     """
     unit = re.compile(rf"(?<=[\d.]) ?{head.unit_in_cells}\b") if head.unit_in_cells else None
-    start, mark = rf"(?<![^\s{re.escape(head.delimiter or ' ')}+-])", re.escape(head.mark)
-    grouped = re.compile(rf"{start}[1-9]\d{{0,2}}(?:{mark}\d{{3}})+(?!\d)") if mark else None
+    grouped, wanted = re.compile(rf"\s*[+-]?[1-9]\d{{0,2}}(?:{re.escape(head.mark)}\d{{3}})+(?!\d)"), {*columns}
     for number, line in numbered:
         plain = unit.sub("", line) if unit else line
-        yield number, grouped.sub(lambda match: match[0].replace(head.mark, ""), plain) if grouped else plain
+        if head.mark:
+            cells = enumerate(plain.split(head.delimiter))
+            is_grouped = ((cell, at in wanted and grouped.match(cell)) for at, cell in cells)
+            plain = (head.delimiter or " ").join(
+                cell.replace(head.mark, "") if found else cell for cell, found in is_grouped
+            )
+        yield number, plain
 
 
 def with_numbers(numbered: Iterable[tuple[int, str]], head: Head) -> Iterator[tuple[int, str]]:
@@ -121,53 +130,51 @@ def with_numbers(numbered: Iterable[tuple[int, str]], head: Head) -> Iterator[tu
     head : Head
         Of the table.
     """
-    flags = {column: flag for body in head.bodies for column, flag in body.flags.items()}
+    flags = head.flags
     if not flags:
         yield from numbered
     for number, line in numbered:
         yield number, with_flags(line, flags, head.delimiter)
 
 
-def without_remarks(
-    numbered: Iterable[tuple[int, str]], delimiter: str | None, count: int | None, notices: list[str]
-) -> Iterator[tuple[int, str]]:
+def without_remarks(numbered: Iterable[tuple[int, str]], head: Head, notices: list[str]) -> Iterator[tuple[int, str]]:
     """Yield the lines that are rows: no comments, titles that stand again, means or words below the table.
 
-    A row has a number in the column that counts, if the first row has one there, else in any column.
+    A row has a number in the column that counts, if the first row has one there, else a number in any column, or an
+    answer in one of flags.
 
     Parameters
     ----------
     numbered : iterable of (number, line)
         Below the titles.
-    delimiter : str or None
-        What parts cells.
-    count : int or None
-        The column of frame numbers or times.
+    head : Head
+        Of the table.
     notices : list of str
         Gets a sentence if lines are left out.
     """
-    left_out, is_counted = [], None
+    left_out, is_counted, count, flags = [], None, head.counts, head.flags
     for number, line in numbered:
         is_word = line[:1].isalpha() or line[:1] in _MARKS
-        cells = [] if is_counted is not None and not is_word else line.split(delimiter)
+        cells = [] if is_counted is not None and not is_word else line.split(head.delimiter)
         is_remark = line.startswith(_COMMENTS) or (line[:2] in _RULED and not line.strip(_RULE))
-        if is_remark or (cells and not _is_row(cells, count if is_counted else None)):
+        if is_remark or (cells and not _is_row(cells, count if is_counted else None, flags)):
             left_out.append(f"{number}")
             continue
         if is_counted is None:
-            is_counted = count is not None and _is_row(cells, count)
+            is_counted = count is not None and _is_row(cells, count, {})
         yield number, line
     if left_out:
         lines = counted(len(left_out), "line is no row of the table", "lines are no rows of the table")
         notices.append(f"{lines} and left out: {', '.join(left_out[:8])}")
 
 
-def _is_row(cells: Sequence[str], count: int | None) -> bool:
-    """Whether cells hold a number where one counts, or one anywhere, or no words."""
+def _is_row(cells: Sequence[str], count: int | None, flags: Mapping[int, Flag]) -> bool:
+    """Whether cells hold a number where one counts, or one anywhere, or an answer under a flag, or no words."""
     if count is not None:
         return count < len(cells) and is_number(seconds_of(cells[count]).strip())
     words = [cell for cell in map(str.strip, cells) if not is_unseen(cell)]
-    return not words or any(map(is_number, words))
+    answers = (is_answer(cells[column], flag) for column, flag in flags.items() if column < len(cells))
+    return not words or any(map(is_number, words)) or any(answers)
 
 
 def with_seconds(numbered: Iterable[tuple[int, str]], head: Head) -> Iterator[tuple[int, str]]:

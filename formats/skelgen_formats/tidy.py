@@ -19,10 +19,11 @@ from pathlib import Path
 import numpy as np
 
 from skelgen.errors import FormatError
+from skelgen.geometry.frame_rate import AS_RECORDED_RATE
 from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.model.arrays import Floats, Ints
 from skelgen.progress import counted
-from skelgen_formats.flags import RESIDUAL_OF_UNSEEN, Flag, is_seen, number_of
+from skelgen_formats.flags import FEWEST_TOLD, RESIDUAL_OF_UNSEEN, Flag, are_unsure, is_seen, number_of
 from skelgen_formats.lines import Lines, decoded_head, read_lines
 from skelgen_formats.options import ANGLE_ORDER, AUTO, POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
 from skelgen_formats.row_owners import spread
@@ -109,16 +110,19 @@ def read_tidy(path: Path, lines: Lines, options: Options) -> Trajectories | Poin
     bodies = [f"body {number + 1}" if number else "body" for number in range(n_names)]
     names = bodies if width > len(AXES) and "name" not in at else _distinct([*rows.names])
     numbers = numbers.reshape(len(every), n_names, width * _n_points_of_name(head))
-    return take_from_head(path, numbers, names, head, stamps, with_stated_rate(path, head, options))
+    if stamps is None or stamps.rate([]) == AS_RECORDED_RATE:
+        options = with_stated_rate(path, head, options, None)
+    return take_from_head(path, numbers, names, head, stamps, options)
 
 
 def _sure(cells: Floats, grades: Floats, points: Ints, head: TidyHead) -> Floats:
     """Return the numbers of rows, NaN where a point is hidden, or has the grade 0, if that is not the grade of all.
 
-    Rows without a grade are of a point that is unseen there, unless it never has one.
+    Rows without a grade are of a point that is unseen there, if it has one in at least half of its rows.
     """
-    has_grade = np.bincount(points, weights=~np.isnan(grades)) > 0
-    is_hidden, unsure = grades == _HIDDEN, (grades <= 0.0) | (np.isnan(grades) & has_grade[points])
+    is_empty, is_hidden = np.isnan(grades), grades == _HIDDEN
+    is_told = np.bincount(points, weights=~is_empty) >= FEWEST_TOLD * np.bincount(points)
+    unsure = are_unsure(np.where(is_hidden, 0.0, grades)) | (is_empty & is_told[points])
     unsure = is_hidden if unsure.all() else unsure
     if unsure.any():
         positions = counted(int(unsure.sum()) // _n_points_of_name(head), "position is", "positions are")
@@ -195,7 +199,7 @@ def _cells(path: Path, lines: Lines, head: TidyHead, notices: list[str]) -> Iter
     """Yield the cells of each row, and its number; all that are wanted are there."""
     n_cells = max(*head.at.values(), *head.columns, head.frames or 0) + 1
     plain = ((number, unquoted(line, head.delimiter)) for number, line in lines.numbered(head.n_lines))
-    for number, line in without_remarks(with_plain_numbers(plain, head), head.delimiter, head.counts, notices):
+    for number, line in without_remarks(with_plain_numbers(plain, head, head.columns), head, notices):
         cells = line.split(head.delimiter)
         further = len(head.titles) if head.delimiter else len(cells)
         if len(cells) < n_cells or any(map(str.strip, cells[further:])) or further < len(head.titles):

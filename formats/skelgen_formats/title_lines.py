@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 from skelgen_formats.body_columns import Body
 from skelgen_formats.clock_titles import Clock, clock_of, is_frame
-from skelgen_formats.flags import flag_of
+from skelgen_formats.flags import Flag, flag_of
 from skelgen_formats.options import MM_PER_UNIT
 from skelgen_formats.spelling import spelt, with_letters
 from skelgen_formats.text import is_number, without_trailing_empty
@@ -77,6 +77,11 @@ class Head:
     def counts(self) -> int | None:
         """The column of frame numbers, else that of times."""
         return self.frames if self.frames is not None else self.clock.column if self.clock else None
+
+    @property
+    def flags(self) -> dict[int, Flag]:
+        """The columns that say whether points are seen."""
+        return {column: flag for body in self.bodies for column, flag in body.flags.items()}
 
 
 def in_one_line(rows: Sequence[Sequence[str]]) -> Head | None:

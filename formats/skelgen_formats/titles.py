@@ -17,7 +17,7 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
 from skelgen_formats.body_columns import Body
-from skelgen_formats.flags import FLAG_OF_ALL, FLAG_WORD, Flag, flag_of
+from skelgen_formats.flags import FLAG_OF_ALL, FLAG_WORD, flag_of
 from skelgen_formats.spelling import LENGTH, OF_VERSION, PLACE_WORD, spelt
 from skelgen_formats.text import is_number, is_unseen
 from skelgen_formats.turn_titles import (
@@ -49,6 +49,11 @@ _FLAG = re.compile(rf"(?P<name>.{{1,200}}?){BETWEEN}(?P<word>{FLAG_WORD})", re.I
 _FLAG_FIRST = re.compile(
     rf"(?P<word>{FLAG_WORD})(?:{BETWEEN}(?P<name>.{{1,200}})|(?P<number>\d{{1,4}}))", re.IGNORECASE
 )
+_BEHIND = re.compile(
+    r"v|(?:is_?)?(?:valid|visible|tracked|seen|occluded|hidden|lost|missing)"
+    r"|conf|confidences?|likelihoods?|scores?|visibility",
+    re.IGNORECASE,
+)  # of the point before them under any name
 _IS_ANGLE = re.compile(r".*(?:euler|rotvec|rot|rotation|ori|orientation)[ _.:-]?[xyz]", re.IGNORECASE)
 _BRACKETED = re.compile(r"^[\[(]([^\[\]()]+)[\])]$")
 _SENSED = re.compile(r"[agmwfv][xyz]", re.IGNORECASE)  # of inertial sensors and force plates: ax, gy, Fz
@@ -135,19 +140,19 @@ def _with_fourths(bodies: list[Body], titles: Sequence[str], word: str) -> list[
     """Return the same bodies with their fourth columns, ``knee.w`` beside ``knee.x``, or ``knee_4``, and flags."""
     found = [_FOURTH.fullmatch(title.strip()) for title in titles]
     fourths = {match[1]: column for column, match in enumerate(found) if match and match[2].lower() == word}
-    marks: dict[int, tuple[str, Flag | None]] = {}
-    for at, title in enumerate(titles):
-        if match := _FLAG.fullmatch(title.strip()):
-            marks[at] = (match["name"].lower(), flag_of(match["word"]))
-        elif match := _FLAG_FIRST.fullmatch(title.strip()):
-            marks[at] = ((match["name"] or match["number"]).lower(), flag_of(match["word"]))
+    last = {at: match for at, title in enumerate(titles) if (match := _FLAG.fullmatch(title.strip()))}
+    first = {at: match for at, title in enumerate(titles) if (match := _FLAG_FIRST.fullmatch(title.strip()))}
+    names = {at: (match["name"] or match["number"]).lower() for at, match in first.items()}
+    names |= {at: match["name"].lower() for at, match in last.items()}
+    flags = {at: flag for at, match in (first | last).items() if (flag := flag_of(match["word"]))}
+    nearby = {at for at, match in last.items() if _BEHIND.fullmatch(match["word"])}
     alone = {at: flag_of(title) for at, title in enumerate(titles) if re.fullmatch(FLAG_OF_ALL, title, re.IGNORECASE)}
     of_all = {at: flag for at, flag in alone.items() if flag and len(alone) == 1}
     for body in bodies:
         body.fourth = None if body.is_turned else fourths.get(body.name)
         behind = max(body.place.values()) + 1
-        own = [at for at, (name, _) in marks.items() if name == body.name.lower()]
-        body.flags = of_all | {at: flag for at in own or [behind] if (flag := marks.get(at, ("", None))[1])}
+        own = {at for at, name in names.items() if name == body.name.lower()} or {behind} & nearby
+        body.flags = of_all | {at: flags[at] for at in sorted(own)}
     return bodies
 
 

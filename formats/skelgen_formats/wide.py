@@ -26,7 +26,7 @@ from skelgen.progress import counted
 from skelgen_formats.assumed_units import mm_per_recorded_unit, notice_images, notice_landmarks
 from skelgen_formats.bodies import BY_ROWS, blank_unseen, take_from_bodies, with_quaternions
 from skelgen_formats.body_columns import Body
-from skelgen_formats.flags import are_unseen
+from skelgen_formats.flags import Flag, are_unseen
 from skelgen_formats.lines import Lines, decoded_head, read_lines
 from skelgen_formats.markers import are_outputs, equal_unseen, mm_per_unit, scaled, take_from_markers, zeros_unseen
 from skelgen_formats.options import (
@@ -61,6 +61,7 @@ ASSUMED_RATE = 100.0
 """Frame rate [Hz] of files that state none."""
 
 _FEW_FRAMES = 8  # in so few, but one point may be seen by chance
+_RATE_TOLERANCE = 0.05  # of what is stated
 _NEAR_STEPS = 3.0  # steps from frame to frame, within which a body may have been at the origin
 
 
@@ -99,24 +100,32 @@ def read_table(path: Path, lines: Lines, options: Options) -> Trajectories | Poi
     if turns.frames:
         rows, stamps = turns.spread(path, rows, stamps)
         rows, head.bodies = without_copies(rows, turns.named(head.bodies), head.notices)
-    return take_from_rows(path, rows, head, stamps, with_stated_rate(path, head, options))
+    return take_from_rows(path, rows, head, stamps, with_stated_rate(path, head, options, stamps))
 
 
-def with_stated_rate(path: Path, head: Head, options: Options) -> Options:
+def with_stated_rate(path: Path, head: Head, options: Options, times: Stamps | None) -> Options:
     """Return the options with the frame rate that lines before the titles state, if no other is wanted.
+
+    Where the times make another rate, a notice says so.
 
     Parameters
     ----------
     path : Path
         The file, for errors.
     head : Head
-        Of the table.
+        Of the table; gets notices.
     options : Options
         `recorded_rate` counts.
+    times : Stamps or None
+        Of the frames.
     """
     if not head.rate or options.recorded_rate != AS_RECORDED_RATE:
         return options
-    return replace(options, recorded_rate=rate_in(path, 1, head.rate, "the frame rate"))
+    stated = rate_in(path, 1, head.rate, "the frame rate")
+    measured = times.rate([]) if times else AS_RECORDED_RATE
+    if measured != AS_RECORDED_RATE and abs(measured / stated - 1.0) > _RATE_TOLERANCE:
+        head.notices.append(f"{stated:g} Hz, stated before the titles, are taken; the times make {measured:.4g} Hz")
+    return replace(options, recorded_rate=stated)
 
 
 def chosen_columns(head: Head, options: Options) -> list[int]:
@@ -159,7 +168,8 @@ def _numbers_of(
     # without times, a row of empty cells is a frame in which nothing is seen
     least = 0 if times or not head.delimiter else head.n_cells - 1
     numbers = unquoted_rows(until_other_table(lines.rows(first, least=least), head), head.delimiter, least)
-    numbers = without_remarks(with_plain_numbers(numbers, head), head.delimiter, head.counts, head.notices)
+    coordinates = {column for body in head.bodies for column in body.place.values()}
+    numbers = without_remarks(with_plain_numbers(numbers, head, coordinates), head, head.notices)
     whole = padded_rows(with_numbers(numbers, head), len(lines), head.n_cells, head.delimiter, head.notices)
     if head.owners:
         whole = turns.noted(whole, head)
@@ -171,7 +181,7 @@ def _numbers_of(
     stamps = rows[:, -1]
     if options.sample and options.sample.n_left_out:
         few = islice(unquoted_rows(lines.numbered(first), head.delimiter, least), options.sample.most)
-        plain = with_plain_numbers(few, head)
+        plain = with_plain_numbers(few, head, coordinates)
         some = with_seconds(padded_rows(plain, len(lines), head.n_cells, head.delimiter, []), head)
         stamps = parse_rows(path, some, head.n_cells, head.delimiter, times)[:, 0]
         head.notices.append(f"the frame rate is that of the first {len(stamps)} time stamps")
@@ -186,7 +196,7 @@ def _seen(rows: Floats, chosen: Sequence[Body], notices: list[str]) -> Floats:
     told = set()
     for kind in {flag for _, flag in marks}:
         columns = [column for column, (_, flag) in enumerate(marks) if flag == kind]
-        by_kind = are_unseen(flags[:, columns], kind)
+        by_kind = are_unseen(flags[:, columns], kind) if _tell(flags[:, columns], kind) else np.zeros(0)
         if by_kind.any():
             for column, hidden in zip(columns, by_kind.T, strict=True):
                 unseen[:, marks[column][0]] |= hidden
@@ -199,6 +209,14 @@ def _seen(rows: Floats, chosen: Sequence[Body], notices: list[str]) -> Floats:
         notices.append(f"{positions} unseen, as the columns of {' and '.join(sorted(told))} say")
     points[unseen] = np.nan
     return points.reshape(numbers.shape)
+
+
+def _tell(flags: Floats, kind: Flag) -> bool:
+    """Whether the numbers of columns of one kind may say what is seen: grades, whole ones, or 0 and 1 if they hide."""
+    values = flags[~np.isnan(flags)]
+    if kind.is_graded or kind.deviates:
+        return True
+    return bool((np.isin(values, (0.0, 1.0)) if kind.hides else values == np.round(values)).all())
 
 
 def take_from_rows(
@@ -295,9 +313,9 @@ def take_from_table(
 
 
 def _check_together(path: Path, positions: Floats) -> None:
-    """Refuse points of which no two are ever seen at once."""
-    n_seen = np.isfinite(positions).all(axis=2).sum(axis=1)
-    if len(n_seen) > _FEW_FRAMES and positions.shape[1] > 1 and n_seen.max(initial=0) == 1:
+    """Refuse points of which no two are ever seen at once, if several are seen at all."""
+    seen = np.isfinite(positions).all(axis=2)
+    if len(positions) > _FEW_FRAMES and seen.any(axis=0).sum() > 1 and seen.sum(axis=1).max(initial=0) == 1:
         what = "no two points are in the same row: each was written at times of its own; interpolate at common times"
         raise FormatError(path, "", what)
 

@@ -96,3 +96,60 @@ def test_flag_without_a_name_is_of_all_points_of_its_row(put):
     rows = "".join(f"{n},{valid},1,2,{n},4,5,{n}\n" for n, valid in enumerate(("1", "0", "True", "no")))
     take = read_take(put("tracked.csv", f"frame,Tracked,a_x,a_y,a_z,b_x,b_y,b_z\n{rows}"))
     assert take.seen.tolist() == [[True] * 2, [False] * 2, [True] * 2, [False] * 2]
+
+
+@pytest.mark.parametrize(
+    ("title", "knee", "toe"),
+    [
+        ("v", ["0", "12", "35", "-4"], ["0", "12", "35", "-4"]),
+        ("v", ["0"] * 4, ["0.5", "0.25", "0", "0"]),
+        ("lost", ["0", "1", "2", "3"], ["0"] * 4),
+    ],
+)
+def test_speeds_and_counts_are_no_flags(put, title, knee, toe):
+    """Of a marker that stands still, too."""
+    flags = [["0", *row] for row in zip(knee, toe, strict=True)]
+    assert read_take(put("speeds.csv", wide(title, flags)), points="markers").seen.all()
+
+
+def test_visibility_of_coco_is_a_flag(put):
+    take = read_take(put("coco.csv", wide("v", [["2", one, "2"] for one in "1202"])), points="markers")
+    assert take.seen[:, 1].tolist() == [True, True, False, True]
+
+
+@pytest.mark.parametrize(
+    "title",
+    ["lost_frames", "missing markers", "hidden_target", "score_task", "visible light", "task_cond", "trial_state"],
+)
+def test_columns_behind_the_last_point_that_begin_as_flags_are_nobodys(put, title):
+    head, *rows = wide("valid", [["1"] * 3] * 4).splitlines()
+    text = "\n".join([f"{head},{title}", *(f"{row},{n % 2}" for n, row in enumerate(rows))])
+    bare = text.replace("toe_valid", "toe_w")
+    for content in (text, bare, bare.replace("_valid", "_w")):
+        assert read_take(put("more.csv", content), points="markers").seen.all()
+
+
+@pytest.mark.parametrize("write", [wide, tidy])
+def test_logits_have_no_lowest_grade(put, write):
+    scores = [["2.5", one, "-0.7"] for one in ("-3.1", "0.4", "0", "-1")]
+    take = read_take(put("logits.csv", write("score", scores)), points="markers")
+    assert take.seen.tolist() == [[True, one, True] for one in (True, True, False, True)]
+
+
+@pytest.mark.parametrize("write", [wide, tidy])
+def test_confidence_of_a_few_frames_does_not_tell_of_others(put, write):
+    flags = [[one] * 3 for one in ("0.9", "", "", "")]
+    assert read_take(put("sparse.csv", write("confidence", flags)), points="markers").seen.all()
+
+
+@pytest.mark.parametrize("no", ["False", "no", "lost"])
+def test_rows_of_flags_alone_are_frames(put, no):
+    """Without a column of frames, and with flags before the points, or one of all."""
+    rows = [[f"{no},,,,{no},,,"] if n in (3, 4) else [f"True,1,2,{n},True,4,5,{n}"] for n in range(9)]
+    titles = "a_valid,a_x,a_y,a_z,b_valid,b_x,b_y,b_z"
+    take = read_take(put("own.csv", "\n".join([titles, *(row for (row,) in rows), titles])))
+    assert take.seen[:, 0].tolist() == [n not in (3, 4) for n in range(9)]
+    rows = [f"{no},,,,,,".rstrip() if n in (3, 4) else f"True,1,2,{n},4,5,{n}" for n in range(9)]
+    titles = "tracked,a_x,a_y,a_z,b_x,b_y,b_z"
+    take = read_take(put("all.csv", "\n".join([titles, *rows, titles])))
+    assert take.seen[:, 0].tolist() == [n not in (3, 4) for n in range(9)]

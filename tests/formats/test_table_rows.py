@@ -148,3 +148,14 @@ def test_marks_between_thousands_are_left_out_where_something_tells_them_from_de
     tidy = [["frame", "marker", "x", "y", "z"], *([str(n), one, *cells] for n in range(2) for one in ("hip", "knee"))]
     take = read_take(put("tidy.csv", "\n".join(map(delimiter.join, tidy))), recorded_unit="mm")
     assert take.positions.tolist() == [[numbers, numbers]] * 2
+
+
+def test_marks_between_thousands_are_of_coordinates_alone(put):
+    rows = "".join(f"{1 + n / 1000:.3f};1.00{k};1.234,5;3{n},25;95{k},5\n" for n in range(9) for k in range(2))
+    take = read_take(put("tidy.csv", f"time;marker;x;y;z\n{rows}"), recorded_unit="mm")
+    assert (take.names, take.rate) == (("1.000", "1.001"), pytest.approx(1000.0))
+    assert take.positions[2].tolist() == [[1234.5, 32.25, 950.5], [1234.5, 32.25, 951.5]]
+    rows = "".join(f"{1 + n / 1000:.3f};1.234,5;3{n},25;950,5;-2.000;0,5;{n},5\n" for n in range(9))
+    titles = "time;" + ";".join(f"{name}_{axis}" for name in "ab" for axis in "xyz")
+    take = read_take(put("wide.csv", f"{titles}\n{rows}"), recorded_unit="mm")
+    assert (take.rate, take.positions[1, 1].tolist()) == (pytest.approx(1000.0), [-2000.0, 0.5, 1.5])

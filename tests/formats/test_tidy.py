@@ -363,3 +363,23 @@ def test_lines_before_the_titles_tell_the_frame_rate(put, before):
     assert (take.rate, take.names) == (25.0, ("hip", "knee"))
     assert take.positions[2].tolist() == [[2.0, 12.0, 0.0], [2.0, 12.0, 10.0]]
     assert not any("frame rate" in notice for notice in take.notices)
+
+
+@pytest.mark.parametrize("before", ["# angle units: deg\n", "# force unit: N\n", "Mass unit,kg\n"])
+def test_units_before_the_titles_that_are_none_of_length_are_told(put, before):
+    rows = "".join(f"{n},{name},0.{n},1.2,{k}\n" for n in range(3) for k, name in enumerate(("hip", "knee")))
+    take = read_take(put("rows.csv", f"{before}frame,marker,x,y,z\n{rows}"), recorded_unit="m")
+    assert take.positions[2].tolist() == [[200.0, 1200.0, 0.0], [200.0, 1200.0, 1000.0]]
+    assert any("is none of length" in notice for notice in take.notices)
+
+
+def test_times_count_more_than_a_rate_before_the_titles(put):
+    rows = "".join(f"{n / 100},{name},{n},2,{k}\n" for n in range(9) for k, name in enumerate(("hip", "knee")))
+    take = read_take(put("rows.csv", f"# video fps: 25\ntime,marker,x,y,z\n{rows}"))
+    assert take.rate == pytest.approx(100.0)
+
+
+@pytest.mark.parametrize("title", ["{}", "{},,,"])
+def test_tables_of_a_point_each_with_frames_are_no_cloud(put, title):
+    tables = [title.format(name) + "\nframe,x,y,z\n1,2,3,4\n2,3,4,5\n" for name in ("hip", "knee")]
+    assert read_take(put("points.csv", "".join(tables))).names == ("hip", "knee")

@@ -179,3 +179,21 @@ def test_points_that_were_written_at_times_of_their_own_are_refused(put, refused
     titles = ",".join(f"/mocap/{name}/position/{axis}" for name in "ab" for axis in "xyz")
     rows = "".join(f"{n / 100},1,2,{n},,,\n{n / 100 + 0.004},,,,4,5,{n}\n" for n in range(9))
     assert "interpolate at common times" in refused(put("topics.csv", f"__time,{titles}\n{rows}"))
+
+
+def test_only_marker_that_is_seen_is_read(put):
+    """Beside one that never is."""
+    rows = "".join(f"{n / 100},1,2,{n},,,\n" for n in range(9))
+    take = read_take(
+        put("one.csv", "time," + ",".join(f"{name}_{axis}" for name in "ab" for axis in "xyz") + f"\n{rows}")
+    )
+    assert take.names == ("a",)
+    assert any("never seen: b" in notice for notice in take.notices)
+
+
+def test_times_that_make_another_rate_than_stated_are_told(put):
+    titles = "time," + ",".join(f"{name}_{axis}" for name in "ab" for axis in "xyz")
+    rows = "".join(f"{n / 100},1,2,{n},4,5,{n}\n" for n in range(9))
+    take = read_take(put("rates.csv", f"fps: 25\n{titles}\n{rows}"))
+    assert take.rate == 25.0
+    assert any("the times make 100 Hz" in notice for notice in take.notices)
