@@ -31,7 +31,7 @@ _POINT = re.compile(
 )
 _PAIR = re.compile(rf"(?<![\w.])([a-z_][\w.-]{{0,60}})\s*[:=]\s*({_NUMBER})(?![\w.])", re.IGNORECASE)
 _MOMENT = re.compile(rf"\d{{1,2}}:\d\d:\d\d(?:[.,]\d+)?|{_NUMBER}", re.IGNORECASE)
-_TOUCHES, _OF_NAME = ":", re.compile(r"(?<![\w.:])\d+:$")  # of a number and the name behind it
+_TOUCHING = re.compile(r"(?<![\w.:])\d+:$")  # a number and the name behind it
 _CELLS = re.compile(r"[,;\t]")
 _LOOKED_AT, _FEWEST = 256, 2  # lines; points of a frame
 _BARE, _ABOVE = 2, 4  # lines without a point, of each frame and above the first
@@ -39,6 +39,7 @@ _MOST_PEOPLE = 16
 _MOST_TIMES, _FREE = 16, 1 << 20  # points that frames may have beside those that are listed
 
 _Point = tuple[str, str, list[str]]  # the last number or time before it, its name and coordinates
+_Found = tuple[_Point, bool]  # and whether that number touches its name: 1:knee
 _Frames = list[tuple[str, dict[str, list[str]]]]  # what stands before the points of each frame, and their numbers
 
 
@@ -112,7 +113,7 @@ def _pairs(lines: Iterable[str]) -> _Frames:
 def _frames(lines: Iterable[str]) -> _Frames:
     """Return the points of each frame."""
     frames: _Frames = []
-    every = [*_with_people(_points(lines))]
+    every = _with_people(_points(lines))
     first: dict[str, str] = {}
     for moment, name, _ in every:
         if name in first:
@@ -129,24 +130,25 @@ def _frames(lines: Iterable[str]) -> _Frames:
     return frames
 
 
-def _with_people(points: Iterable[_Point]) -> list[_Point]:
+def _with_people(found: Iterable[_Found]) -> list[_Point]:
     """Return points with the numbers that touch their names in these, if few recur by turns: 1:knee, 2:knee, 1:knee.
 
     Of frames or lines a number stands apart; numbers of points have names of their own.
     """
-    every = [*points]
-    numbers = [number for number, _ in groupby(moment.removesuffix(_TOUCHES) for moment, _, _ in every)]
+    pairs = [*found]
+    every = [point for point, _ in pairs]
+    numbers = [number for number, _ in groupby(moment for moment, _, _ in every)]
     few = len({*numbers})
-    touching = all(moment.endswith(_TOUCHES) and moment[:-1].isdecimal() for moment, _, _ in every)
     whose = Counter(name for _, name in {(moment, name) for moment, name, _ in every})
     recurring = sum(count > 1 for count in whose.values())
-    if not touching or not _FEWEST <= few <= _MOST_PEOPLE or len(numbers) <= 2 * few or 2 * recurring <= len(whose):
-        return [(moment.removesuffix(_TOUCHES), name, place) for moment, name, place in every]
-    return [("", f"{moment}{name}", place) for moment, name, place in every]
+    are_turns = _FEWEST <= few <= _MOST_PEOPLE and len(numbers) > 2 * few and 2 * recurring > len(whose)
+    if not are_turns or not all(touches for _, touches in pairs) or not all(map(str.isdecimal, numbers)):
+        return every
+    return [("", f"{moment}:{name}", place) for moment, name, place in every]
 
 
-def _points(lines: Iterable[str]) -> Iterator[_Point]:
-    """Yield the last number or time of day before each point, with a colon if its name follows that, and the rest."""
+def _points(lines: Iterable[str]) -> Iterator[_Found]:
+    """Yield the last number or time of day before each point, its name and coordinates, and whether the two touch."""
     moment = ""
     for line in lines:
         end = 0
@@ -154,11 +156,8 @@ def _points(lines: Iterable[str]) -> Iterator[_Point]:
             before = line[end : match.start()]
             moment = next(reversed(_MOMENT.findall(before)), moment)
             end = match.end()
-            yield (
-                moment + _TOUCHES * (_OF_NAME.search(before) is not None),
-                match[1].rstrip(":"),
-                list(match.groups()[1:]),
-            )
+            point = (moment, match[1].rstrip(":"), list(match.groups()[1:]))
+            yield point, _TOUCHING.search(before) is not None
         moment = moment if end else next(reversed(_MOMENT.findall(line)), moment)
 
 

@@ -131,10 +131,8 @@ def with_numbers(numbered: Iterable[tuple[int, str]], head: Head) -> Iterator[tu
         Of the table.
     """
     flags = head.flags
-    if not flags:
-        yield from numbered
     for number, line in numbered:
-        yield number, with_flags(line, flags, head.delimiter)
+        yield number, with_flags(line, flags, head.delimiter) if flags else line
 
 
 def without_remarks(numbered: Iterable[tuple[int, str]], head: Head, notices: list[str]) -> Iterator[tuple[int, str]]:

@@ -49,11 +49,9 @@ _FLAG = re.compile(rf"(?P<name>.{{1,200}}?){BETWEEN}(?P<word>{FLAG_WORD})", re.I
 _FLAG_FIRST = re.compile(
     rf"(?P<word>{FLAG_WORD})(?:{BETWEEN}(?P<name>.{{1,200}})|(?P<number>\d{{1,4}}))", re.IGNORECASE
 )
-_BEHIND = re.compile(
-    r"v|(?:is_?)?(?:valid|visible|tracked|seen|occluded|hidden|lost|missing)"
-    r"|conf|confidences?|likelihoods?|scores?|visibility",
-    re.IGNORECASE,
-)  # of the point before them under any name
+_NAMED_ONLY = re.compile(r"(?:is_?)?tracking_?(?:valid|state)|cond|status|state|residuals?", re.IGNORECASE)
+"""Flags that are not those of the point before them if they have another name."""
+
 _IS_ANGLE = re.compile(r".*(?:euler|rotvec|rot|rotation|ori|orientation)[ _.:-]?[xyz]", re.IGNORECASE)
 _BRACKETED = re.compile(r"^[\[(]([^\[\]()]+)[\])]$")
 _SENSED = re.compile(r"[agmwfv][xyz]", re.IGNORECASE)  # of inertial sensors and force plates: ax, gy, Fz
@@ -145,7 +143,7 @@ def _with_fourths(bodies: list[Body], titles: Sequence[str], word: str) -> list[
     names = {at: (match["name"] or match["number"]).lower() for at, match in first.items()}
     names |= {at: match["name"].lower() for at, match in last.items()}
     flags = {at: flag for at, match in (first | last).items() if (flag := flag_of(match["word"]))}
-    nearby = {at for at, match in last.items() if _BEHIND.fullmatch(match["word"])}
+    nearby = {at for at, match in last.items() if not _NAMED_ONLY.fullmatch(match["word"])}
     alone = {at: flag_of(title) for at, title in enumerate(titles) if re.fullmatch(FLAG_OF_ALL, title, re.IGNORECASE)}
     of_all = {at: flag for at, flag in alone.items() if flag and len(alone) == 1}
     for body in bodies:
