@@ -3,7 +3,8 @@
 With ``--unknown [30]``, instead, so many simulated people in marker sets that are left out of the tables: in natural
 motion, with arms that hardly move, or in any posture; every other one lacks up to four markers. Their trees are harder
 than those of most recordings: hands, heads and toes that do not move against their neighbours count as missed. With
-``--lower`` they wear the markers of pelvis and legs only, as in many laboratories of gait.
+``--lower`` they wear the markers of pelvis and legs only, as in many laboratories of gait; with ``--hidden 0.25`` a
+quarter of all positions is hidden in pieces of 0.3 s.
 
 The recordings are looked for in ``../shared/data/bodies`` beside the project unless a folder is named. Markers lose
 their names. Joints are those of the template that were found, wrists and toes left out; the template is good to some
@@ -42,6 +43,7 @@ LENGTHS, WAYS = (150, 300, 450), ("natural", "arms still", "posture")
 STILL, IN_POSTURE = 0.2, (0.25, 0.6)  # of their usual motion: arms that hardly move, and bodies in a posture
 LOST, ENOUGH = 4, 3  # markers that every other one may lack, from segments with so many
 LEAST_TREE = 0.85  # wanted of everybody
+PIECE = 0.3  # s: mean length of what is hidden
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +97,8 @@ def main() -> None:
     """Print a row per person and per what is given."""
     if "--unknown" in sys.argv:
         number = next((word for word in sys.argv[sys.argv.index("--unknown") + 1 :] if word.isdigit()), "30")
-        show_unknown(int(number), lower="--lower" in sys.argv)
+        hidden = sys.argv[sys.argv.index("--hidden") + 1] if "--hidden" in sys.argv else "0"
+        show_unknown(int(number), lower="--lower" in sys.argv, hidden=float(hidden))
         return
     folder = Path(sys.argv[1]) if len(sys.argv) > 1 else USUAL_PLACE
     names = sorted(path.name.removesuffix(".truth.npz") for path in folder.glob("*.truth.npz"))
@@ -115,12 +118,13 @@ def main() -> None:
     show("People", columns, rows)
 
 
-def show_unknown(n_people: int, *, lower: bool) -> None:
+def show_unknown(n_people: int, *, lower: bool, hidden: float) -> None:
     """Print a row per simulated person in a set that is not known, and how many trees are as wanted."""
     show_machine()
     every, rows = worn_sets.worn_sets(), []
-    for marker_set, told, everything in unknown_people(n_people):
+    for number, (marker_set, told, everything) in enumerate(unknown_people(n_people)):
         who = everything.of(worn_sets.HALVES["lower"]) if lower else everything
+        who = replace(who, take=with_hidden_pieces(who.take, hidden, np.random.default_rng([5, number])))
         known = tuple(one for one in every if one.name != marker_set)
         worn_sets.worn_sets = lambda known=known: known
         rows.append((marker_set, told, *scores(who, reconstruct(who, "nothing"))[:5]))
@@ -144,6 +148,15 @@ def unknown_people(n_people: int) -> Iterator[tuple[str, str, Person]]:
         allowed = body_of_marker[kept, np.newaxis] == np.arange(len(bodies))
         take = Trajectories(positions[:, kept], [f"M{marker:03}" for marker in range(len(kept))], RATE)
         yield marker_set, motion, Person(take, bodies, np.array(who.worn.parents), allowed, None)
+
+
+def with_hidden_pieces(take: Trajectories, part: float, rng: np.random.Generator) -> Trajectories:
+    """Return a take of which a part of the positions of each marker is hidden in pieces."""
+    positions, length = take.positions.copy(), PIECE * take.rate
+    for marker in np.repeat(np.arange(take.n_markers), round(part * take.n_frames / length)).tolist():
+        first = int(rng.integers(-int(length), take.n_frames))
+        positions[max(first, 0) : max(first + 1 + int(rng.exponential(length)), 0), marker] = np.nan
+    return replace(take, positions=positions)
 
 
 def _moving(who: WornPerson, number: int, n_frames: int, rng: np.random.Generator) -> tuple[str, list[Floats], Floats]:

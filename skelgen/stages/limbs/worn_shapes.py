@@ -12,7 +12,8 @@ import numpy as np
 from skelgen._kernels.distance_statistics import precision_of
 from skelgen.geometry.statistics import lengths_of
 from skelgen.model.arrays import Floats, Ints, Singles, spread_frames
-from skelgen.stages.limbs.postures import Postures, above_diagonal, numbers_of_pairs
+from skelgen.stages.limbs.hidden_distances import with_hidden
+from skelgen.stages.limbs.postures import Postures, above_diagonal, numbers_of_pairs, square_of_pairs
 
 _Found = TypeVar("_Found")
 
@@ -149,15 +150,20 @@ def shape_of(positions: Floats) -> Shape:
     positions : ndarray, shape (n_frames, n_markers, 3), mm
         NaN where unseen.
     """
-    gaps = np.sort(lengths_of(positions[:, :, np.newaxis] - positions[:, np.newaxis]), axis=0)  # NaN last
-    count = (~np.isnan(gaps)).sum(axis=0)
-    middle = np.take_along_axis(gaps, np.maximum(count - 1, 0)[np.newaxis] // 2, axis=0)[0]
-    mean = np.nansum(gaps, axis=0) / np.maximum(count, 1)
-    deviation = np.sqrt(np.nansum((gaps - mean) ** 2, axis=0) / np.maximum(count, 1))
-    known = (count >= min(LEAST_COMMON, len(positions))) & ~np.eye(len(count), dtype=np.bool_)
-    distances = np.where(known, np.log(np.maximum(middle, SHORTEST)), np.nan)
-    motions = np.log(np.maximum(deviation, LEAST_MOTION)) - distances
-    return Shape(distances - (np.nanmedian(distances) if known.any() else 0.0), motions)
+    first, second = above_diagonal(positions.shape[1])
+    lengths = np.maximum(lengths_of(positions[:, first] - positions[:, second]), SHORTEST)
+    seen = np.isfinite(lengths).sum(axis=0)
+    known = seen >= min(LEAST_COMMON, len(positions))
+    lengths, unknown = with_hidden(lengths) if seen.min(initial=len(positions)) < len(positions) else (lengths, 0.0)
+    lengths = np.sort(lengths, axis=0)  # NaN last
+    count = np.maximum((~np.isnan(lengths)).sum(axis=0), 1)
+    middle = np.take_along_axis(lengths, (count - 1)[np.newaxis] // 2, axis=0)[0]
+    mean = np.nansum(lengths, axis=0) / count
+    variance = np.nansum((lengths - mean) ** 2, axis=0) / count + (count - seen) / count * unknown * middle**2
+    distances = np.where(known, np.log(middle), np.nan)
+    motions = np.log(np.maximum(np.sqrt(variance), LEAST_MOTION)) - distances
+    usual = np.nanmedian(distances) if known.any() else 0.0
+    return Shape(square_of_pairs(distances - usual), square_of_pairs(motions))
 
 
 def _quantiles(table: Floats) -> Floats:
