@@ -9,6 +9,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
+from skelgen.geometry.rotations import matrix_from_vector
 from skelgen.model import Joint, Limbs, Motion, Project, Skeleton, StageReport, Topology, Trajectories
 from skelgen.model.topology import outward_order
 
@@ -120,6 +121,16 @@ def make_project():
 def small_project(make_project) -> Project:
     """Three limbs, ten markers, twelve frames."""
     return make_project()
+
+
+@pytest.fixture
+def wheel_project(make_project) -> Project:
+    """The same, whose first joint, a hinge, turns ten times on from 0 in 2100 frames."""
+    project = make_project(n_frames=2100)
+    poses, wheel = project.motion.world_from_limb.copy(), project.skeleton.joints[0]
+    turns = matrix_from_vector(np.linspace(0, 20 * np.pi, len(poses))[:, np.newaxis] * wheel.axis)
+    poses[:, wheel.child, :3, :3] = poses[:, wheel.parent, :3, :3] @ turns
+    return dataclasses.replace(project, _motion=dataclasses.replace(project.motion, world_from_limb=poses))
 
 
 @pytest.fixture

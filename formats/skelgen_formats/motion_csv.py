@@ -144,18 +144,15 @@ def write_csv(path: Path, header: Sequence[str], rows: Iterable[str]) -> None:
 
 def _angles(project: Project) -> Iterator[Floats]:
     """Yield the angles of successive frames [deg], each with its standard deviation, shape (n_rows, n_columns)."""
-    from skelgen.kinematics.inverse.inverse_kinematics import posture_of  # noqa: PLC0415 - scipy is slow to load
-    from skelgen.kinematics.joints.angles import continued  # noqa: PLC0415 - scipy is slow to load
+    from skelgen.kinematics.inverse.motion import successive_postures  # noqa: PLC0415 - scipy is slow to load
 
-    joints, last = project.skeleton.joints, dict[int, Floats]()
-    for chosen in _chunks(project.motion.n_frames):
-        frames = np.arange(chosen.start, chosen.stop)
-        posture = posture_of(project.skeleton, project.motion, project.trajectories.positions, frames)
-        angles = [continued(joint, posture.angles[index], last.get(index)) for index, joint in enumerate(joints)]
-        last = {index: one[-1] for index, one in enumerate(angles)}
-        pairs = [np.stack(both, axis=2) for both in zip(angles, posture.angle_std, strict=True)]
-        numbers = [np.rad2deg(pair).reshape(len(frames), -1) for pair in pairs]
-        yield np.concatenate([np.zeros((len(frames), 0)), *numbers], axis=1)
+    motion = project.motion
+    chunks = (np.arange(chosen.start, chosen.stop) for chosen in _chunks(motion.n_frames))
+    for posture in successive_postures(project.skeleton, motion, project.trajectories.positions, chunks):
+        n_rows = len(posture.limb_seen)
+        pairs = [np.stack(both, axis=2) for both in zip(posture.angles, posture.angle_std, strict=True)]
+        numbers = [np.rad2deg(pair).reshape(n_rows, -1) for pair in pairs]
+        yield np.concatenate([np.zeros((n_rows, 0)), *numbers], axis=1)
 
 
 def _chunks(n_frames: int) -> Iterator[slice]:

@@ -16,7 +16,7 @@ import numpy as np
 
 from skelgen.errors import WriteError
 from skelgen.files import replacing
-from skelgen.model import Limbs, PointCloud, Project, Skeleton
+from skelgen.model import Limbs, PointCloud, Project, Skeleton, StageReport
 from skelgen.model.arrays import Floats, Ints
 from skelgen.model.limbs import with_names_of_limbs
 from skelgen.model.questions import questions_on
@@ -63,12 +63,17 @@ def summary(project: Project) -> dict[str, object]:
         "lengths": _lengths(project.skeleton) if project.has("skeleton") else None,
         "residual_mean": _mean(project.motion.residuals) if project.has("skeleton") else None,
         "stages": {
-            name: {"seconds": report.seconds, "parameters": report.parameters, "notices": report.notices}
+            name: {"seconds": report.seconds, "parameters": report.parameters, "notices": _notices(project, report)}
             for name, report in project.reports.items()
         },
     }
     plain: dict[str, object] = _plain(result)
     return plain
+
+
+def _notices(project: Project, report: StageReport) -> list[str]:
+    """What a stage noticed, with the names that limbs got after it."""
+    return [with_names_of_limbs(one, project.limbs) if project.has("limbs") else one for one in report.notices]
 
 
 def _versions() -> dict[str, str | None]:

@@ -4,7 +4,7 @@ Every column names its unit: ``frame,time_s,marker,limb,x_mm,...``. Frames count
 same float64 comes back. What is unseen is empty in CSV and null in Parquet.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain
 from pathlib import Path
@@ -32,8 +32,8 @@ _NEEDS_QUOTES = frozenset(',"\r\n')
 Columns = dict[str, NDArray[Any]]
 """Some rows of a table: each column's name and values."""
 
-Rows = Callable[[Project, Ints, str], Columns]
-"""Rows of a project for some frames, in a unit of length."""
+Rows = Callable[[Project, Iterable[Ints], str], Iterator[Columns]]
+"""Rows of a project for successive frames, in a unit of length."""
 
 
 def _write_all_csv(value: Writable, path: Path, options: Options, monitor: Monitor) -> None:
@@ -65,8 +65,12 @@ def _files(path: Path, suffix: str) -> tuple[Path, ...]:
 def _chunks(project: Project, rows_of: Rows, unit: str, monitor: Monitor) -> Iterator[Columns]:
     n_frames = project.motion.n_frames
     starts = range(0, max(n_frames, 1), _CHUNK_FRAMES)  # a table without rows has its columns all the same
-    for start in with_progress(starts, len(starts), monitor, every=1):
-        yield rows_of(project, np.arange(start, min(start + _CHUNK_FRAMES, n_frames)), unit)
+    shown = with_progress(starts, len(starts), monitor, every=1)
+    return rows_of(project, (np.arange(start, min(start + _CHUNK_FRAMES, n_frames)) for start in shown), unit)
+
+
+def _by_frames(rows: Callable[[Project, Ints, str], Columns]) -> Rows:
+    return lambda project, chunks, unit: (rows(project, frames, unit) for frames in chunks)
 
 
 def _markers(project: Project, frames: Ints, unit: str) -> Columns:
@@ -94,21 +98,22 @@ def _joints(project: Project, frames: Ints, unit: str) -> Columns:
     }
 
 
-def _angles(project: Project, frames: Ints, unit: str) -> Columns:
-    from skelgen.kinematics.inverse.inverse_kinematics import posture_of  # noqa: PLC0415 - scipy is slow to load
+def _angles(project: Project, chunks: Iterable[Ints], unit: str) -> Iterator[Columns]:
+    from skelgen.kinematics.inverse.motion import successive_postures  # noqa: PLC0415 - scipy is slow to load
     from skelgen.kinematics.joints.angles import angle_names  # noqa: PLC0415 - scipy is slow to load
 
-    skeleton = project.skeleton
-    posture = posture_of(skeleton, project.motion, project.trajectories.positions, frames)
+    skeleton, motion, first = project.skeleton, project.motion, 0
     named = zip(skeleton.joint_names, skeleton.joints, strict=True)
     pairs = [(name, angle) for name, joint in named for angle in angle_names(joint)]
     items = {"joint": tuple(name for name, _ in pairs), "angle": tuple(angle for _, angle in pairs)}
-    none = np.zeros((len(frames), 0))
-    return {
-        **head_columns(project.motion.times, frames, items),
-        "value_deg": np.rad2deg(np.concatenate([none, *posture.angles], axis=1)).ravel(),
-        "std_deg": np.rad2deg(np.concatenate([none, *posture.angle_std], axis=1)).ravel(),
-    }
+    for posture in successive_postures(skeleton, motion, project.trajectories.positions, chunks):
+        frames = np.arange(first, first + len(posture.limb_seen))
+        first, none = first + len(frames), np.zeros((len(frames), 0))
+        yield {
+            **head_columns(motion.times, frames, items),
+            "value_deg": np.rad2deg(np.concatenate([none, *posture.angles], axis=1)).ravel(),
+            "std_deg": np.rad2deg(np.concatenate([none, *posture.angle_std], axis=1)).ravel(),
+        }
 
 
 def _limbs(project: Project, frames: Ints, unit: str) -> Columns:
@@ -165,7 +170,12 @@ def _check_parquet(value: Writable) -> Project:
     return project
 
 
-TABLES: Mapping[str, Rows] = {"markers": _markers, "joints": _joints, "angles": _angles, "limbs": _limbs}
+TABLES: Mapping[str, Rows] = {
+    "markers": _by_frames(_markers),
+    "joints": _by_frames(_joints),
+    "angles": _angles,
+    "limbs": _by_frames(_limbs),
+}
 """What each of the files holds."""
 
 _KEPT = ("markers", "names", "limbs", "joints", "angles", "motion")

@@ -272,7 +272,8 @@ def worn_set(project: Project, marker_set: str) -> MarkerSet | None:
         return recognised_set(names) if marker_set == "auto" and names else None
     worn = find_marker_set(marker_set, names)
     if 2 * len(worn.segments) < worn.n_markers:
-        raise InputError(f"the marker set {marker_set} is not worn: the take has {worn.sentence}")
+        n_there = f"{len(worn.segments)} of its {worn.n_markers} markers"
+        raise InputError(f"the marker set {marker_set} is not worn: the take has {n_there}")
     worn.check_wearers()
     return worn
 

@@ -157,10 +157,12 @@ def check_outputs(
     Raises
     ------
     WriteError
-        If an output is an input, or replaces a file that is not to be replaced.
+        If an output is an input, replaces a file that is not to be replaced, or has a file in the place of its folder.
     """
     given, free = [path for path in inputs if path is not None and path.exists()], set(named)
     for output in outputs:
+        if any(place.is_file() for place in output.parents):
+            raise WriteError(f"{output.parent}: cannot be created: there is a file of this name")
         if not output.exists():
             continue
         if any(output.samefile(path) for path in given):

@@ -187,10 +187,10 @@ def run_limbs(project: Project, settings: Settings, options: RunOptions, monitor
             limbs = inputs.limbs_with_parts(project.trajectories, split, partial(find, constraints=near))
         except InputError:  # the limbs that are found cannot be parted into so few
             limbs = inputs.limbs_with_parts(project.trajectories, split, partial(find, constraints=stated))
-    held.release()
+    limbs = named_limbs(project, limbs, settings.limbs.marker_set, monitor)
+    held.release(limbs)
     if limbs.n_limbs == 1 and n_limbs is None:
         monitor.notice("only one limb is found: all markers move as one, or each by itself; there is no joint")
-    limbs = named_limbs(project, limbs, settings.limbs.marker_set, monitor)
     for notice in doubt_notices(limbs, project.trajectories.names):
         monitor.notice(notice)
     return limbs

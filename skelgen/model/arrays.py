@@ -89,7 +89,7 @@ def check_fields(
 
 
 def as_floats(values: ArrayLike, what: str, shape: str) -> Floats:
-    """Return a float64 copy of what can be one.
+    """Return a float64 copy of what can be one; what is masked is NaN.
 
     Parameters
     ----------
@@ -106,11 +106,12 @@ def as_floats(values: ArrayLike, what: str, shape: str) -> Floats:
         If there is something else than real numbers, or rows are unlike in length.
     """
     try:
-        given = np.asarray(values)
-        return given.astype(np.float64, casting="unsafe" if given.dtype.kind == "O" else "same_kind")
+        given = values if isinstance(values, np.ma.MaskedArray) else np.asarray(values)
+        floats = given.astype(np.float64, casting="unsafe" if given.dtype.kind == "O" else "same_kind")
     except (TypeError, ValueError) as error:
         what = f"{what} must be an array of real numbers with {shape}, all rows of one length"
         raise InputError(f"{what}; it is {values!r:.40}") from error
+    return np.asarray(np.ma.filled(floats, np.nan))
 
 
 def check_probabilities(values: ArrayLike, shape: Sequence[int | None], what: str) -> Floats:

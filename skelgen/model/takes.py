@@ -169,7 +169,7 @@ class Trajectories:
         Parameters
         ----------
         positions : array_like, shape (n_frames, n_markers, 3), in `unit`
-            NaN where a marker is unseen.
+            NaN or masked where a marker is unseen.
         rate : float, Hz
             Frame rate.
         unit : str

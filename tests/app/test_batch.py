@@ -358,6 +358,12 @@ class TestProcesses:
             skelgen.run_batch([waves], tmp_path / "out", timeout=timeout)
         assert not (tmp_path / "out").exists()
 
+    @pytest.mark.parametrize("n_workers", [0, -1, 1.5])
+    def test_a_number_of_processes_that_is_none_is_told_before_any_take(self, waves, tmp_path, n_workers):
+        with pytest.raises(ParameterError, match="n_workers is"):
+            skelgen.run_batch([waves], tmp_path / "out", n_workers=n_workers)
+        assert not (tmp_path / "out").exists()
+
 
 class Hanging(str):
     """The name of a stage at which the process that looks it up never arrives."""

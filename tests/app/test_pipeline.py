@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -13,6 +15,7 @@ from skelgen.errors import Cancelled, InputError, MissingResultError
 from skelgen.model import PointCloud, Poses, Project, Trajectories
 from skelgen.model.project import STAGES
 from skelgen.progress import SilentMonitor
+from skelgen.simulation import simulate
 from skelgen.stages.joints import JointParameters
 from skelgen.stages.labels import LabelParameters
 
@@ -44,6 +47,15 @@ def test_labelled_markers_are_searched_for_errors(waving):
     assert project.trajectories is waving
     assert project.reports["labels"].parameters == LabelParameters().as_mapping()
     assert "labelled already" in project.reports["labels"].notices[0]
+
+
+def test_notices_of_limbs_call_them_by_the_names_that_they_get():
+    take = simulate("rods", n_frames=200, seed=1, noise=0.3).take
+    positions = take.positions.copy()
+    positions[20:, take.names.index("rear rod 2")] = np.nan
+    project = run_stages(Project(replace(take, positions=positions)), until_stage="limbs")
+    (notice,) = project.reports["limbs"].notices
+    assert notice.startswith("rear rod 2 is seen in 20 frames only: that it is on rear rod rests")
 
 
 def test_points_are_labelled_with_the_known_number(waving):

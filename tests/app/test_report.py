@@ -293,6 +293,11 @@ def test_report_says_what_limbs_are_called_where_it_says_what_motion_does_not_de
     assert sentence.startswith("the joint between pelvis and left thigh is placed by the marker set")
 
 
+def test_the_curve_of_a_wheel_goes_on_over_full_turns(wheel_project):
+    _, figure = report_content(wheel_project).angles.figures[0]
+    assert ">3000<" in re.sub("[ ,\u2009\u202f\xa0]", "", figure)
+
+
 def test_vertical_is_the_axis_along_which_nothing_lies_below_the_floor():
     """A rider who is shaken along y, 400 mm above the floor, and never leaves the place along x and z."""
     rng = np.random.default_rng(0)

@@ -52,6 +52,16 @@ def test_finished_project_has_all_tables(small_project):
     assert tables["residuals"]["max_mm"] == seen.max()
 
 
+def test_the_range_of_a_wheel_is_that_of_all_its_turns(wheel_project):
+    row = project_tables(wheel_project)["angles"][0]
+    assert (row["angle"], row["low_deg"], row["mean_deg"], row["high_deg"]) == (
+        "turn",
+        pytest.approx(0, abs=1e-6),
+        pytest.approx(1800, abs=1),  # the wheel is unseen in some frames
+        pytest.approx(3600),
+    )
+
+
 def test_deviations_of_hinges_are_those_across_their_axis(small_project):
     hinge, ball = project_tables(small_project)["joints"]
     assert ball["std_mm"] == pytest.approx(np.sqrt(0.09 + 0.16 + 0.25))

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -34,6 +35,13 @@ def test_every_part_is_there(told, small_project):
     assert set(told["stages"]) == {"labels", "limbs", "joints", "skeleton"}
     assert told["stages"]["joints"]["seconds"] == 0.25
     assert told["versions"]["numpy"] == np.__version__
+
+
+def test_notices_of_stages_call_limbs_by_their_names(small_project):
+    report = StageReport({}, 0.1, ("limb 2 hangs on limb 1",))
+    project = replace(small_project, reports={**small_project.reports, "joints": report})
+    told = summary(project.with_limb_names(("head", "pelvis", "tail")))
+    assert told["stages"]["joints"]["notices"] == ["tail hangs on pelvis"]
 
 
 def test_residuals_are_means_over_the_frames_in_which_a_marker_is_seen(told, small_project):

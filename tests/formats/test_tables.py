@@ -12,6 +12,7 @@ from skelgen_formats.registry import write_file
 from skelgen.errors import WriteError
 from skelgen.geometry.rotations import matrix_from_quaternion
 from skelgen.kinematics.inverse.inverse_kinematics import posture_of
+from skelgen.kinematics.inverse.motion import angles_over_time
 
 
 def read_with(library, path):
@@ -40,6 +41,11 @@ def read(request, small_project, tmp_path):
 
 def vectors(table, pattern):
     return np.stack([table[pattern.format(axis)].astype(float) for axis in "xyz"], axis=-1)
+
+
+def all_angles(project):
+    joints, motion = project.skeleton.joints, project.motion
+    return np.rad2deg(np.concatenate([angles_over_time(joint, motion) for joint in joints], axis=1))
 
 
 def test_markers_come_back_exactly(read, small_project):
@@ -74,9 +80,15 @@ def test_joints_come_back_exactly_in_the_unit_wanted(read, small_project):
 def test_angles_come_back_exactly(read, small_project):
     table = read()["angles"]
     posture = posture_of(small_project.skeleton, small_project.motion, small_project.trajectories.positions)
-    assert np.array_equal(table["value_deg"].reshape(-1, 4), np.rad2deg(np.concatenate(posture.angles, axis=1)))
+    assert np.array_equal(table["value_deg"].reshape(-1, 4), all_angles(small_project))
     assert np.array_equal(table["std_deg"].reshape(-1, 4), np.rad2deg(np.concatenate(posture.angle_std, axis=1)))
     assert table["angle"].tolist()[:4] == ["turn", "x", "y", "z"]
+
+
+def test_angles_of_a_wheel_go_on_over_full_turns_and_chunks(wheel_project, tmp_path):
+    paths = write_file(wheel_project, tmp_path / "w.table.csv")
+    turned = read_with("pandas", paths[2])["value_deg"].reshape(-1, 4)[:, 0]
+    assert np.abs(turned - np.linspace(0, 3600, len(turned))).max() < 1e-9
 
 
 def test_long_takes_are_whole(make_project, tmp_path):
@@ -84,8 +96,7 @@ def test_long_takes_are_whole(make_project, tmp_path):
     _, joints, angles, _ = (read_with("pandas", path) for path in write_file(project, tmp_path / "w.table.csv"))
     motion = project.motion
     assert np.array_equal(vectors(joints, "{}_mm").reshape(motion.joint_positions.shape), motion.joint_positions)
-    posture = posture_of(project.skeleton, motion, project.trajectories.positions)
-    assert np.array_equal(angles["value_deg"].reshape(-1, 4), np.rad2deg(np.concatenate(posture.angles, axis=1)))
+    assert np.array_equal(angles["value_deg"].reshape(-1, 4), all_angles(project))
 
 
 def test_without_pyarrow_the_extra_is_named(small_project, tmp_path, monkeypatch):

@@ -136,6 +136,12 @@ def test_array_in_metres_becomes_labelled_markers_in_mm():
     np.testing.assert_array_equal(take.positions, 500.0)
 
 
+def test_masked_positions_are_unseen():
+    array = np.ma.masked_equal(np.arange(1, 19).reshape(3, 2, 3) * 100, 800)
+    take = Trajectories.from_array(array, 100.0)
+    assert take.seen.tolist() == [[True, True], [False, True], [True, True]]
+
+
 def test_markers_of_an_array_without_names_are_numbered():
     assert Trajectories.from_array([[[1, 2, 3], [400, 500, 600]]], 100.0).names == ("M1", "M2")
 

@@ -9,7 +9,8 @@ import numpy as np
 from skelgen.app.drawing.measures import joint_called, residual_per_frame
 from skelgen.app.drawing.scales import Extremes
 from skelgen.kinematics.inverse.inverse_kinematics import posture_of
-from skelgen.kinematics.joints.angles import angle_names, continued, joint_angles
+from skelgen.kinematics.inverse.motion import angles_over_time
+from skelgen.kinematics.joints.angles import angle_names
 from skelgen.model import Project
 from skelgen.model.arrays import Floats
 from skelgen_gui.model import translate
@@ -143,13 +144,11 @@ def joint_curve(project: Project, joint: int) -> JointCurve:
         Index of the joint.
     """
     one, motion = project.skeleton.joints[joint], project.motion
-    relative = motion.rotations[:, one.parent].swapaxes(1, 2) @ motion.rotations[:, one.child]
-    angles = continued(one, joint_angles(one, relative))
     step = -(-motion.n_frames // _MOST_POSTURES) if motion.n_frames else 1
     frames = np.arange(0, motion.n_frames, step)
     posture = posture_of(project.skeleton, motion, project.trajectories.positions, frames)
     std = np.repeat(posture.angle_std[joint], step, axis=0)[: motion.n_frames]
-    return JointCurve(angle_names(one), angles, std, step)
+    return JointCurve(angle_names(one), angles_over_time(one, motion), std, step)
 
 
 def residual_curve(project: Project) -> Curve:

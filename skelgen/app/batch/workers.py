@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any, cast
 import skelgen
 from skelgen.errors import InputError, ParameterError
 from skelgen.interrupts import deaf_children, end_with_parent, uninterrupted
+from skelgen.model.arrays import check_whole
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -59,9 +60,9 @@ def in_processes(
     Raises
     ------
     ParameterError
-        If the time is not one.
+        If the time is not one, or there is no process.
     """
-    limit = _limit(timeout)
+    limit, n_workers = _limit(timeout), check_whole(n_workers, 1, "n_workers")
     waiting = deque(entries)
     tries: dict[str, int] = {}
     workers: list[_Worker] = []

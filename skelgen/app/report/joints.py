@@ -10,12 +10,12 @@ from skelgen.app.drawing import measures
 from skelgen.app.drawing.graph import CostGraph, JointCost
 from skelgen.app.drawing.wording import digits, plain, whole_percent
 from skelgen.app.report.curves import angle_figure, common_reach, spread_figure
-from skelgen.kinematics.inverse.inverse_kinematics import Posture, posture_of
-from skelgen.kinematics.inverse.motion import MOST_FRAMES
+from skelgen.kinematics.inverse.inverse_kinematics import Posture
+from skelgen.kinematics.inverse.motion import spread_posture
 from skelgen.kinematics.joints.angles import angle_names
 from skelgen.kinematics.joints.observability import RangeOfMotion, observed_joints
 from skelgen.model import Joint, Project
-from skelgen.model.arrays import Floats, spread_frames
+from skelgen.model.arrays import Floats
 from skelgen.model.joint_spans import JointSpan
 from skelgen.model.limbs import with_names_of_limbs
 
@@ -213,10 +213,9 @@ class AnglesContent:
 
 def angles_content(project: Project) -> AnglesContent:
     """Return the section of joint angles of a project with a skeleton."""
-    skeleton, motion, positions = project.skeleton, project.motion, project.trajectories.positions
+    skeleton, motion = project.skeleton, project.motion
     observed = observed_joints(skeleton, motion)
-    frames = spread_frames(motion.n_frames, MOST_FRAMES)
-    posture = posture_of(skeleton, motion, positions, frames)
+    frames, posture = spread_posture(skeleton, motion, project.trajectories.positions)
     times = frames / motion.rate
     called = project.limbs.called
     figures = [

@@ -4,24 +4,24 @@ A long take keeps its poses, and computes transforms, carried markers and residu
 forty markers at 200 Hz would take four gigabytes otherwise.
 """
 
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from skelgen.geometry.rotations import matrix_from_quaternion, transform_from
 from skelgen.kinematics.inverse.inverse_kinematics import Posture, posture_of
-from skelgen.kinematics.joints.angles import angle_names, continued
-from skelgen.model import JointAngles, Motion, Skeleton, Trajectories
-from skelgen.model.arrays import Bools, Floats, check_bools, check_floats, read_only, set_fields, spread_frames
+from skelgen.kinematics.joints.angles import angle_names, continued, joint_angles
+from skelgen.model import Joint, JointAngles, Motion, Skeleton, Trajectories
+from skelgen.model.arrays import Bools, Floats, Ints, check_bools, check_floats, read_only, set_fields, spread_frames
 
 CHUNK_FRAMES = 8_192
 
 ANGLE_FRAMES = 8_192
 """Frames whose angles are computed together: their covariances take some 20 MB."""
 
-MOST_FRAMES = 5000
-"""Frames from which ranges of angles are computed, evenly spread."""
+_MOST_FRAMES = 5000  # from which ranges of angles are computed, evenly spread
 
 
 class PosedMotion(Motion):
@@ -121,13 +121,62 @@ class MotionAngles:
         """Return the angles of every joint, in the order of the skeleton's joints."""
         starts = range(0, max(motion.n_frames, 1), ANGLE_FRAMES)
         blocks = [np.arange(start, min(start + ANGLE_FRAMES, motion.n_frames)) for start in starts]
-        parts = [posture_of(self.skeleton, motion, self.positions, frames) for frames in blocks]
+        parts = list(successive_postures(self.skeleton, motion, self.positions, blocks))
         found = []
         for index, joint in enumerate(self.skeleton.joints):
-            values = continued(joint, np.concatenate([part.angles[index] for part in parts]))
+            values = np.concatenate([part.angles[index] for part in parts])
             std = np.concatenate([part.angle_std[index] for part in parts])
             found.append(JointAngles(angle_names(joint), values, std))
         return tuple(found)
+
+
+def successive_postures(
+    skeleton: Skeleton, motion: Motion, positions: Floats, chunks: Iterable[Ints]
+) -> Iterator[Posture]:
+    """Yield the postures of successive frames; angles about axes go on without jumps of a full turn.
+
+    Parameters
+    ----------
+    skeleton, motion, positions
+        As for `posture_of`.
+    chunks : iterable of ndarray of intp
+        Frames of each posture, in the order of time.
+    """
+    before: tuple[Floats | None, ...] = (None,) * skeleton.n_joints
+    for frames in chunks:
+        posture = posture_of(skeleton, motion, positions, frames)
+        angles = tuple(map(continued, skeleton.joints, posture.angles, before))
+        before = tuple(one[-1] for one in angles) if len(frames) else before
+        yield replace(posture, angles=angles)
+
+
+def angles_over_time(joint: Joint, motion: Motion) -> Floats:
+    """Return a joint's angles [rad] in all frames, those about axes without jumps of a full turn, (n_frames, n_angles).
+
+    Parameters
+    ----------
+    joint : Joint
+        Of the skeleton that moves.
+    motion : Motion
+        Its motion.
+    """
+    relative = motion.rotations[:, joint.parent].swapaxes(1, 2) @ motion.rotations[:, joint.child]
+    return continued(joint, joint_angles(joint, relative))
+
+
+def spread_posture(skeleton: Skeleton, motion: Motion, positions: Floats) -> tuple[Ints, Posture]:
+    """Return frames that are evenly spread over a take, and their posture with the turns of all frames.
+
+    Parameters
+    ----------
+    skeleton, motion, positions
+        As for `posture_of`.
+    """
+    frames = spread_frames(motion.n_frames, _MOST_FRAMES)
+    posture = posture_of(skeleton, motion, positions, frames)
+    pairs = zip(skeleton.joints, posture.angles, strict=True)
+    angles = tuple(one if joint.axis is None else angles_over_time(joint, motion)[frames] for joint, one in pairs)
+    return frames, replace(posture, angles=angles)
 
 
 @dataclass(frozen=True)
@@ -139,7 +188,8 @@ class AngleRange:
     name : str
         Which, see `skelgen.kinematics.joints.angles`.
     low, mean, high : float, rad
-        Smallest, mean and largest value, from frames that show both limbs; NaN if there are none.
+        Smallest, mean and largest value, from frames that show both limbs, of wheels over all their turns; NaN if there
+        are none.
     std : float, rad
         Median of the standard deviations.
     """
@@ -161,7 +211,7 @@ def angle_ranges(skeleton: Skeleton, motion: Motion, positions: Floats) -> tuple
     positions : ndarray, shape (n_frames, n_markers, 3), mm
         Measured markers, NaN where unseen.
     """
-    posture = posture_of(skeleton, motion, positions, spread_frames(motion.n_frames, MOST_FRAMES))
+    _, posture = spread_posture(skeleton, motion, positions)
     return tuple(_ranges(skeleton, posture, index) for index in range(skeleton.n_joints))
 
 

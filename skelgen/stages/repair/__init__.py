@@ -136,7 +136,8 @@ def _outcome(n_swaps: int, n_moves: int, n_falls: int, slips: tuple[Slip, ...]) 
         parts.append(f"{counted(n_split, 'slipped marker is', 'slipped markers are')} split")
     if len(slips) > n_split:
         left = "is left as it is" if len(slips) == n_split + 1 else "are left as they are"
-        parts.append(f"{len(slips) - n_split} more may have slipped and {left}")
+        others = f"{len(slips) - n_split} more" if n_split else counted(len(slips), "marker")
+        parts.append(f"{others} may have slipped and {left}")
     return ", ".join(parts)
 
 

@@ -70,7 +70,7 @@ def test_a_glitch_of_the_tracker_is_no_slip(slipped):
     assert find_slips(slipped(last=FRAME + 3)) == ()
 
 
-def test_a_step_across_the_plane_of_three_markers_is_told_and_not_split(simulated):
+def test_a_step_across_the_plane_of_three_markers_is_told_and_not_split(simulated, notices):
     case = simulated("human", n_frames=600, noise=0.5)
     marker = case.take.names.index("left thigh 1")
     limb = case.truth.limb_of_marker == case.truth.limb_of_marker[marker]
@@ -78,8 +78,11 @@ def test_a_step_across_the_plane_of_three_markers_is_told_and_not_split(simulate
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     positions = case.take.positions.copy()
     positions[FRAME:, marker] += SIZE * normal / np.linalg.norm(normal, axis=1, keepdims=True)
-    (slip,) = find_slips(dataclasses.replace(case.take, positions=positions))
+    take = dataclasses.replace(case.take, positions=positions)
+    (slip,) = find_slips(take)
     assert (slip.name, slip.frame, slip.sure) == ("left thigh 1", FRAME, False)
+    repair_take(take, monitor=notices)
+    assert any("found, 1 marker may have slipped and is left as it is" in one for one in notices.sentences)
 
 
 def test_a_leap_that_is_made_back_is_none():
