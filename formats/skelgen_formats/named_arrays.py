@@ -122,9 +122,9 @@ def _stamps(arrays: Arrays, n_frames: int) -> Iterator[Stamps]:
     fitting = {key: array for key, array in (numbers | same).items() if array.shape == (n_frames,)}
     columns = [*fitting.values()]
     if clock := clock_of([key.rpartition(".")[2] for key in fitting]):
-        fraction = 0.0 if clock.fraction is None else columns[clock.fraction] * clock.per_fraction
+        others = sum(columns[column] * seconds for column, seconds in clock.others)
         second = 1.0 if [*fitting][clock.column] in dates else clock.second
-        yield since_first(columns[clock.column] + fraction, second)
+        yield since_first(columns[clock.column] + others, second)
 
 
 def _unflattened(key: str, array: NDArray[Any]) -> NDArray[Any]:

@@ -13,6 +13,7 @@ from itertools import chain, combinations_with_replacement, groupby, pairwise, p
 from operator import mul
 
 from skelgen_formats.body_columns import Body
+from skelgen_formats.cell_marks import mark_in, unit_behind
 from skelgen_formats.clock_titles import Clock, clock_of, is_frame
 from skelgen_formats.flags import is_of_flag
 from skelgen_formats.markers import mm_of_unit
@@ -20,9 +21,7 @@ from skelgen_formats.options import MM_PER_UNIT
 from skelgen_formats.text import (
     is_number,
     is_unseen,
-    mark_in,
     seconds_of,
-    unit_behind,
     unquoted,
     without_trailing_empty,
     words_of,
