@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from skelgen.errors import FormatError
 from skelgen.model import PointCloud, Poses, Trajectories
-from skelgen_formats.flags import flag_of, numbers_of
+from skelgen_formats.flags import flag_of_key, numbers_of
 from skelgen_formats.json_records import NAME_KEYS, OWNER, by_frame, on_common_frames, several_takes
 from skelgen_formats.lines import Lines, read_lines
 from skelgen_formats.named_arrays import take_from_arrays
@@ -180,7 +180,7 @@ def _leaves(value: Any, path: _Path) -> Iterator[tuple[_Path, Any]]:
 
 def _with_flags(path: _Path, leaf: Any) -> tuple[_Path, Any]:
     """Return numbers for words that say whether points are seen, of states under `seen`; anything else as it is."""
-    flag = flag_of(path[-1]) if path else None
+    flag = flag_of_key(path[-1]) if path else None
     told = numbers_of(leaf, flag) if flag else None
     if flag is None or told is None:
         return path, leaf

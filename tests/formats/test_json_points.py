@@ -385,3 +385,23 @@ def test_a_second_person_in_few_images_is_not_the_first_who_jumps(put):
     take = read_take(put("alphapose.json", json.dumps(records)))
     assert (take.n_frames, take.n_markers) == (5, 4)
     assert np.isfinite(take.positions[:, 2:]).all(axis=(1, 2)).tolist() == [False, False, False, True, False]
+
+
+@pytest.mark.parametrize("key", ["joint_valid", "keypoint_scores", "keypointsVisible"])
+def test_flags_of_points_hide_them(put, key):
+    told = [[1 if n != 2 else 0, 1] for n in range(5)]
+    records = [{"joint_positions": place, key: flags} for place, flags in zip(PLACES, told, strict=True)]
+    take = read_take(put("valid.json", json.dumps(records)))
+    assert np.isnan(take.positions).all(axis=2).tolist() == [[n == 2, False] for n in range(5)]
+
+
+def test_scores_of_several_people_hide_their_points(put):
+    def person(n, at):
+        return {
+            "keypoints": np.add(PLACES[n], at).tolist(),
+            "keypoint_scores": [0.9, 0.0 if (n, at) == (3, 7) else 0.8],
+        }
+
+    frames = [{"frame_id": n + 1, "instances": [person(n, 0), person(n, 7)]} for n in range(5)]
+    take = read_take(put("mmpose.json", json.dumps({"instance_info": frames})))
+    assert np.argwhere(np.isnan(take.positions).all(axis=2)).tolist() == [[3, 3]]
