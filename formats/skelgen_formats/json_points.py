@@ -23,7 +23,14 @@ from numpy.typing import NDArray
 from skelgen.errors import FormatError
 from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen_formats.flags import flag_of_key, numbers_of
-from skelgen_formats.json_records import NAME_KEYS, OWNER, by_frame, on_common_frames, several_takes
+from skelgen_formats.json_records import (
+    NAME_KEYS,
+    OWNER,
+    by_frame,
+    on_common_frames,
+    several_takes,
+    with_numbers_as_ids,
+)
 from skelgen_formats.lines import Lines, read_lines
 from skelgen_formats.named_arrays import take_from_arrays
 from skelgen_formats.options import POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
@@ -106,7 +113,7 @@ def take_from_value(path: Path, value: Any, options: Options, what: str) -> Traj
         counts: dict[_Path, Counter[Any]] = {}
         if n_takes := several_takes(value):
             raise FormatError(path, "", f"{n_takes} takes in one file: write each into a file of its own")
-        value = on_common_frames(by_frame(_plain(_with_whole_markers(value))))
+        value = on_common_frames(by_frame(_plain(with_numbers_as_ids(_with_whole_markers(value)))))
         _find_owners(value, (), counts, in_frame=False)
         owners = {key: _listed(count) for key, count in counts.items()}
         leaves = dict(starmap(_with_flags, _leaves(_by_owner(value, (), owners), ())))

@@ -7,7 +7,7 @@ too.
 """
 
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from itertools import groupby
 from typing import Any
 
@@ -31,12 +31,14 @@ _NO_PLACE = re.compile(
 )
 _INDICES = {"index", "idx"}  # at times in whole seconds also those of frames in them
 _FEWEST = 2  # points of a person
+_DEEPEST = 16  # objects in objects, of which frames have numbers for keys
 _RATE = re.compile(r"fps|(?:frame|sampl(?:e|ing)|capture|point|video|camera)_?(?:rate|frequency)|rate|frequency")
 _TAKE = re.compile(r"(?:take|trial|recording|sequence|seq|clip|session|motion)(?:_?(?:name|id|no|number|file))?")
 _OF_FRAME, _MOST_PEOPLE = 2, 8  # lists in lists of a frame of points; people in a frame, of whom as many objects are
 _MOST_TIMES = 16  # numbers on common frames for each that is there
 
 _Records = list[dict[str, Any]]
+_Path = tuple[str, ...]
 
 
 def by_frame(value: Any) -> Any:
@@ -71,6 +73,53 @@ def by_frame(value: Any) -> Any:
         if is_sure and is_several and not _are_takes(value, key, owners):
             return _listed(key, frames, [*owners])
     return value
+
+
+def with_numbers_as_ids(value: Any) -> Any:
+    """Return lists of records with ids for objects that frames have with numbers for keys, if not all have the same.
+
+    Such as ``{"people": {"3": {...}, "7": {...}}}``; points, whose values are places, are called by them.
+
+    Parameters
+    ----------
+    value : list, dict, str, float or None
+        As JSON has it.
+    """
+    found: dict[_Path, set[tuple[str, ...]]] = {}
+    for path, numbered in _numbered_in_frames(value, (), in_frame=False):
+        found.setdefault(path, set()).add(tuple(numbered))
+    differing = {path for path, keys in found.items() if len(keys) > 1}
+    return _listed_by_number(value, (), differing) if differing else value
+
+
+def _numbered_in_frames(value: Any, path: _Path, *, in_frame: bool) -> Iterator[tuple[_Path, dict[str, Any]]]:
+    """Yield the objects in frames whose keys are all numbers, with the keys that lead to them."""
+    if isinstance(value, list):
+        for one in value:
+            yield from _numbered_in_frames(one, path, in_frame=True)
+    elif isinstance(value, dict):
+        is_numbered = bool(value) and all(map(str.isdecimal, value))
+        if is_numbered and in_frame and all(isinstance(one, dict) or _is_place(one) for one in value.values()):
+            yield path, value
+        elif len(path) < _DEEPEST:
+            for key, one in value.items():
+                yield from _numbered_in_frames(
+                    one, path if is_numbered else (*path, key), in_frame=in_frame or is_numbered
+                )
+
+
+def _listed_by_number(value: Any, path: _Path, differing: Collection[_Path]) -> Any:
+    if isinstance(value, list):
+        return [_listed_by_number(one, path, differing) for one in value]
+    if not isinstance(value, dict):
+        return value
+    is_numbered = bool(value) and all(map(str.isdecimal, value))
+    if is_numbered and path in differing:
+        return [
+            {"name": f"point {key}", "position": one} if _is_place(one) else {"id": int(key)} | one
+            for key, one in value.items()
+        ]
+    return {key: _listed_by_number(one, path if is_numbered else (*path, key), differing) for key, one in value.items()}
 
 
 def on_common_frames(value: Any) -> Any:

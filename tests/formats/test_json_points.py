@@ -405,3 +405,19 @@ def test_scores_of_several_people_hide_their_points(put):
     frames = [{"frame_id": n + 1, "instances": [person(n, 0), person(n, 7)]} for n in range(5)]
     take = read_take(put("mmpose.json", json.dumps({"instance_info": frames})))
     assert np.argwhere(np.isnan(take.positions).all(axis=2)).tolist() == [[3, 3]]
+
+
+def test_people_and_points_by_numbers_may_be_missing(put):
+    """Those of a frame that has one of two are not taken for the first."""
+    there = [("3", "7"), ("7",), ("3", "7"), ("7", "3"), ("3",)]
+    frames = [{"poses": {k: {"xyz": np.add(PLACES[n], int(k)).tolist()} for k in keys}} for n, keys in enumerate(there)]
+    take = read_take(put("people.json", json.dumps(frames)), recorded_unit="mm")
+    for at, key in enumerate(("3", "7")):
+        seen = [key in keys for keys in there]
+        positions = take.positions[:, 2 * at : 2 * at + 2]
+        assert np.isfinite(positions).all(axis=(1, 2)).tolist() == seen
+        np.testing.assert_allclose(positions[seen], np.add(PLACES, int(key))[seen])
+    points = [{"t": n / 50, "joints": {k: PLACES[n][int(k) > 3] for k in keys}} for n, keys in enumerate(there)]
+    take = read_take(put("points.json", json.dumps(points)), recorded_unit="mm")
+    assert take.names == ("point 3", "point 7")
+    assert take.seen.tolist() == [["3" in keys, "7" in keys] for keys in there]
