@@ -51,7 +51,7 @@ DELIMITERS = (",", ";", "\t", "|", None)
 _NO_PLACES = re.compile(
     r"(.*[_ .:/-])?(l?acce?|accel\w*|gyro?\w*|mag|magnet\w*|quat\w*|euler\w*|rot|rotation|orientation|ang|angles?"
     r"|angular|theta|omega|forces?|moments?|torques?|grf|fp\d+|force_?plate\d*|dir|direction|velo?|velocity|velocities|speed"
-    r"|jerk|scale|colou?r|std\w*|sigma|cov\w*)([_ .:/-].*)?",
+    r"|jerk|bias\w*|scale|colou?r|std\w*|sigma|cov\w*)([_ .:/-].*)?",
     re.IGNORECASE,
 )
 _IN_ROOM = re.compile(rf"(.+){BETWEEN}world")

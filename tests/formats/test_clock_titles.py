@@ -23,7 +23,9 @@ def test_seconds_and_nanoseconds_part_the_rows_of_tidy_tables_into_frames(put):
     assert (take.n_frames, take.names, take.rate) == (3, ("a", "b"), pytest.approx(100.0))
 
 
-@pytest.mark.parametrize("title", ["CaptureTime", "Vicon_Recv_Timestamp", "ros_time [ms]", "device timestamp (us)"])
+@pytest.mark.parametrize(
+    "title", ["CaptureTime", "Vicon_Recv_Timestamp", "ros_time [ms]", "device timestamp (us)", "timestamp_unix_ms"]
+)
 def test_words_may_stand_before_the_title_of_times(put, title):
     unit = 1000 if "ms" in title else 1e6 if "us" in title else 1
     rows = "".join(f"{frame / 50 * unit:.9g},1,2,3,4,5,6\n" for frame in range(1, 4))
