@@ -16,7 +16,10 @@ from skelgen_formats.lines import Lines
 from skelgen_formats.text import parse_rows
 from skelgen_formats.turn_titles import AXES
 
-_SIZES, _ENTRY = re.compile(r"(\d+)\s+(\d+)\s+(\d+)\s*"), re.compile(r"(\d+)\s+(\d+)\s+[-+.\deNa]+\s*")
+_SIZES, _ENTRY = (
+    re.compile(r"(\d{1,9})\s+(\d{1,9})\s+(\d{1,9})\s*"),
+    re.compile(r"(\d{1,9})\s+(\d{1,9})\s+[-+.\deNa]+\s*"),
+)
 _TITLES = 2  # lines before that of the sizes, at most
 _LOOKED_AT = 8  # entries that must be frame, column and number
 _MOST_TIMES = 1000  # frames and columns for each number that is there
@@ -54,11 +57,16 @@ def read_sparse(path: Path, lines: Lines) -> Floats:
             path, first, "points have two coordinates: 2D; give the file of xyzpts that DLTdv saves beside"
         )
     entries = parse_rows(path, lines.numbered(first), len(AXES), None)
-    places = entries[:, :2].astype(np.intp) - 1
-    if (places < 0).any() or (places >= (n_frames, n_columns)).any():
+    places = entries[:, :2]
+    if not ((places >= 1) & (places <= (n_frames, n_columns)) & (places == np.rint(places))).all():
         raise FormatError(path, first, f"there are entries beyond {n_frames} frames and {n_columns} columns")
+    if n_frames * n_columns > _MOST_TIMES * len(entries):
+        raise FormatError(
+            path, first, f"{n_frames} frames and {n_columns} columns, but only {len(entries)} numbers of them"
+        )
+    frames, columns = places.astype(np.intp).T - 1
     found = np.full((n_frames, n_columns), np.nan)
-    found[places[:, 0], places[:, 1]] = entries[:, 2]
+    found[frames, columns] = entries[:, 2]
     return found.reshape(n_frames, -1, len(AXES))
 
 

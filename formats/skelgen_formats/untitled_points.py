@@ -106,7 +106,7 @@ def _rows(path: Path, lines: Lines) -> Floats:
     first = next((line for line in lines if _is_row(line)), "")
     delimiter = next((one for one in _DELIMITERS if one in first), None)
     numbered = ((number, line) for number, line in lines.numbered() if _is_row(line))
-    width = len(without_trailing_empty(first.split(delimiter)))
+    width = max((len(without_trailing_empty(line.split(delimiter))) for line in lines if _is_row(line)), default=0)
     if width < _FEWEST_POINTS * len(AXES):
         raise FormatError(path, 1, f"numbers without titles, and {width} columns where 12 belong to four points")
     return parse_rows(path, numbered, width, delimiter)

@@ -89,3 +89,16 @@ def test_sparse_tables_of_dltdv_are_points_with_gaps(put):
 def test_sparse_tables_in_images_or_beyond_their_sizes_are_refused(refused, put, name, n_columns, entry, what):
     entries = [(frame, 0, 1.0) for frame in range(20)]
     assert what in refused(put(name, sparse(n_columns, [*entries, entry])))
+
+
+def test_sparse_tables_of_hardly_any_numbers_are_refused(refused, put):
+    few = "title\n100000000\t9\t900000000\n1\t1\t0.5\n2\t1\t0.5\n"
+    assert "only 2 numbers" in refused(put("few-xyzpts.tsv", few))
+
+
+def test_last_points_may_be_unseen_at_first(put):
+    rows = text(POSITIONS.reshape(N_FRAMES, -1), ",").splitlines()
+    rows[:9] = [",".join([*row.split(",")[:15], "", "", ""]) for row in rows[:9]]
+    take = read_take(put("numbers.csv", "\n".join(rows)))
+    assert take.seen[:, 5].tolist() == [False] * 9 + [True] * (N_FRAMES - 9)
+    np.testing.assert_allclose(take.positions[9:], POSITIONS[9:], atol=1e-3)
