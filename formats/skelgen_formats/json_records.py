@@ -95,7 +95,7 @@ def with_numbers_as_ids(value: Any) -> Any:
 def _numbered_in_frames(value: Any, path: _Path, *, in_frame: bool) -> Iterator[tuple[_Path, dict[str, Any]]]:
     """Yield the objects in frames whose keys are all numbers, with the keys that lead to them."""
     if isinstance(value, list):
-        for one in value:
+        for one in value if value and isinstance(value[0], (dict, list)) else ():
             yield from _numbered_in_frames(one, path, in_frame=True)
     elif isinstance(value, dict):
         is_numbered = bool(value) and all(map(str.isdecimal, value))
@@ -110,7 +110,7 @@ def _numbered_in_frames(value: Any, path: _Path, *, in_frame: bool) -> Iterator[
 
 def _listed_by_number(value: Any, path: _Path, differing: Collection[_Path]) -> Any:
     if isinstance(value, list):
-        return [_listed_by_number(one, path, differing) for one in value]
+        return [_listed_by_number(one, path, differing) if isinstance(one, (dict, list)) else one for one in value]
     if not isinstance(value, dict):
         return value
     is_numbered = bool(value) and all(map(str.isdecimal, value))
