@@ -143,6 +143,9 @@ public repositories have, made by the tests. What is not named was not tried.
 | BIDS motion | points and bodies, with channels.tsv and motion.json | layout of its specification |
 | JSON of Track Manager, Azure Kinect, pandas, scripts | a list per frame or marker, names once or in all | layout |
 | JSON of AlphaPose, COCO, MediaPipe | a record per person and image; landmarks in images and in the world | layout |
+| JSON of MMPose, ZED, VIBE | people of each frame with scores; people with frames of their own | layout |
+| DLTdv | CSV, and sparse tables of version 8 | layout of its writer |
+| Quest, visionOS, Unity recorders | heads, hands and joints with quaternions or angles | layout of public recorders |
 | PeTrack, Axis Studio, PlotJuggler | rate in comments; sensors beside joints; topics at other times | layout |
 | NumPy .npy, .npz | format 1.0, axes in any order, an array per point, rows of ezc3d, poses, robots | by NumPy |
 | MATLAB .mat | level 5: structs, MoCap Toolbox, Visual3D, Theia, biomechZoo, arrays | written by scipy |

@@ -11,8 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
+from skelgen.errors import FormatError
 from skelgen.model.arrays import Floats
-from skelgen_formats.markers import frames_in_blocks, mm_per_unit
+from skelgen_formats.markers import frames_in_blocks, mm_of_unit, mm_per_unit
 from skelgen_formats.options import AUTO, MM_PER_UNIT
 
 _HUMAN_SIZE_M = 50.0  # all coordinates of a capture in metres lie below this, of one in mm hardly ever
@@ -50,6 +51,12 @@ def mm_per_recorded_unit(
     """
     if not unit:
         return assumed_mm_per_unit(positions, notices, stated)
+    if mm_of_unit(unit) is None:
+        what = f"the length unit {unit.strip()[:20]!r} is none that is known"
+        if stated == AUTO:
+            raise FormatError(path, place, f"{what}, as mm, cm, m, inches and feet are; `--recorded-unit` states one")
+        notices.append(f"{what}; {stated} is taken, as stated")
+        return MM_PER_UNIT[stated]
     factor = mm_per_unit(path, place, unit)
     if stated != AUTO and MM_PER_UNIT[stated] != factor:
         named = f"the file names its length unit, {unit.strip()}, which is taken"

@@ -1,6 +1,7 @@
-"""Titles of columns that say when a row was: frame numbers, times in any unit, seconds with their fraction beside them.
+"""Titles of columns that say when a row was: frame numbers, times in any unit, parts of a time in several columns.
 
-ROS 2 writes seconds and nanoseconds in two columns, ``header.stamp.sec`` and ``header.stamp.nanosec``. A title of time
+ROS 2 writes seconds and nanoseconds in two columns, ``header.stamp.sec`` and ``header.stamp.nanosec``, loggers of
+trackers ``Hour``, ``Minute``, ``Second`` and perhaps ``Millisecond``. A title of time
 may have words before it, ``Vicon_Timestamp``, ``CaptureTime``; those count where there is no plain one.
 """
 
@@ -23,20 +24,34 @@ _SECONDS = {"min": 60.0, "mil": 1e-3, "mic": 1e-6, "100": 1e-7}  # by how units 
 _SECONDS |= {"ms": 1e-3, "us": 1e-6, "µs": 1e-6, "s": 1.0, "n": 1e-9}
 _WHOLE = re.compile(r"(.*?)(?:secs?|seconds)", re.IGNORECASE)
 _PARTS = {"nanosec": 1e-9, "nsec": 1e-9, "nanoseconds": 1e-9, "nsecs": 1e-9, "usec": 1e-6, "usecs": 1e-6}
+_OF_DAY = tuple(
+    (re.compile(word), seconds)
+    for word, seconds in (
+        ("hours?|hrs?|hh?|stunden?", 3600.0),
+        ("minutes?|mins?|mm|m", 60.0),
+        ("seconds?|secs?|ss?|sekunden?", 1.0),
+        ("milli_?seconds?|milli_?secs?|msecs?|ms", 1e-3),
+    )
+)
 
 
 @dataclass(frozen=True)
 class Clock:
-    """The column of times, the seconds of its unit (0 if none is named), and that of the fractions of whole seconds.
+    """The column of times, the seconds of its unit (0 if none is named), and other columns that are added to it.
 
+    `others` are columns of fractions of its seconds, or of hours and minutes, with the seconds of their units.
     `counts_frames` says that hundredths of seconds are frames within them, of timecodes of films (SMPTE).
     """
 
     column: int
     second: float
-    fraction: int | None = None
-    per_fraction: float = 0.0
+    others: tuple[tuple[int, float], ...] = ()
     counts_frames: bool = False
+
+    @property
+    def last(self) -> int:
+        """The last of its columns."""
+        return max(self.column, *(column for column, _ in self.others), 0)
 
     def told_by(self, cell: str) -> "Clock":
         """Return the clock that writes such a cell, in seconds if it is a date or a time of day.
@@ -46,7 +61,7 @@ class Clock:
         cell : str
             Of the first row.
         """
-        is_plain = self.fraction is None and is_number(cell.strip())
+        is_plain = not self.others and is_number(cell.strip())
         return self if is_plain else replace(self, second=1.0, counts_frames=is_timecode(cell))
 
     def moment(self, cells: Sequence[str]) -> str:
@@ -58,9 +73,9 @@ class Clock:
             Of the row.
         """
         text = cells[self.column]
-        if self.fraction is not None:
+        if self.others:
             with contextlib.suppress(ValueError):
-                return repr(float(text) + float(cells[self.fraction]) * self.per_fraction)
+                return repr(float(text) + sum(float(cells[column]) * seconds for column, seconds in self.others))
         moment = seconds_of(text)
         return moment if is_number(moment.strip()) else ""
 
@@ -78,11 +93,26 @@ def clock_of(titles: Sequence[str]) -> Clock | None:
         whole = _WHOLE.fullmatch(title)
         for part, seconds in _PARTS.items() if whole else ():
             if whole and whole[1] + part in lower:
-                return Clock(column, 1.0, lower.index(whole[1] + part), seconds)
+                return Clock(column, 1.0, ((lower.index(whole[1] + part), seconds),))
+    if of_day := _of_day(lower):
+        return of_day
     for pattern in (_TIME, _NAMED_TIME, _SINCE_FIRST):
         for column, title in enumerate(titles):
             if match := pattern.fullmatch(title):
                 return Clock(column, _unit(match[1] or (title if _UNIT_ALONE.fullmatch(title) else "")))
+    return None
+
+
+def _of_day(titles: Sequence[str]) -> Clock | None:
+    """Return the clock of hours, minutes and seconds that stand side by side, if they do."""
+    words = [title.strip("[]() ").replace(" ", "_") for title in titles]
+    for first in range(len(words) - 2):
+        parts = [*zip(words[first:], _OF_DAY, strict=False)]
+        there = [bool(known.fullmatch(word)) for word, (known, _) in parts]
+        if all(there[:3]):
+            columns = [(first + at, seconds) for at, (_, (_, seconds)) in enumerate(parts) if there[at]]
+            second = columns.pop(2)
+            return Clock(second[0], 1.0, tuple(columns))
     return None
 
 

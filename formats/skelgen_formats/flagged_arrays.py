@@ -7,7 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skelgen.progress import counted
-from skelgen_formats.flags import Flag, are_unseen, flag_of, numbers_of
+from skelgen_formats.flags import Flag, are_unseen, flag_of_key, numbers_of
+
+_OF_PEOPLE = 3  # axes of flags: frames, people, points
 
 
 def without_unseen(
@@ -30,11 +32,14 @@ def without_unseen(
     of_points: dict[tuple[str, Flag], dict[int, NDArray[Any]]] = {}
     for key, array in arrays.items():
         owner, _, word = key.rpartition(".")
-        flag = flag_of(word)
+        flag = flag_of_key(word)
         are_codes = array.dtype.kind in "bfiu" and (flag is None or flag.in_words)
         told = array if flag is None or array.dtype.kind in "bfiu" else numbers_of(array, flag)
         if flag is None or are_codes or told is None:
             continue
+        if told.ndim == _OF_PEOPLE and told.shape[0] > 1:  # as positions of several people are told apart
+            told = told.swapaxes(0, 1) if told.shape[0] < told.shape[1] else told
+            told = told.reshape(len(told), -1)
         if told.shape in (shape, shape[::-1]):
             are_seen &= ~are_unseen(told if told.shape == shape else told.T, flag)
         elif owner in names and told.shape == shape[:1]:

@@ -29,6 +29,7 @@ FLAG_WORD = (
 FLAG_OF_ALL = r"(?:is_?)?(?:(?:tracking_?)?valid|visible|tracked)|tracking_?state"
 """What says without a name whether all points of a row are seen."""
 
+_OF_POINTS = re.compile(r"^(?i:joint|keypoint|marker|point|landmark)s?(?:_|(?=[A-Z]))")
 _TRUTH = dict.fromkeys(("true", "t", "yes", "y", "1", "1.0"), True)
 _TRUTH |= dict.fromkeys(("false", "f", "no", "n", "0", "0.0"), False)
 _OF_STATE = dict.fromkeys(("ok", "good", "valid", "visible", "seen", "measured", "tracked", "inferred"), True)
@@ -80,6 +81,17 @@ def flag_of(title: str) -> Flag | None:
     match = re.fullmatch(FLAG_WORD, title, re.IGNORECASE)
     kinds = ("hides", "graded", "in_words", "deviates", "may_be_speed")
     return Flag(*(match[kind] is not None for kind in kinds)) if match else None
+
+
+def flag_of_key(key: str) -> Flag | None:
+    """Return what flags of this key of an array or object say, also of ``joint_valid``; None if these are no flags.
+
+    Parameters
+    ----------
+    key : str
+        In any case.
+    """
+    return flag_of(_OF_POINTS.sub("", key))
 
 
 def is_seen(cell: str, flag: Flag) -> bool | None:

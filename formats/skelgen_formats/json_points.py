@@ -22,8 +22,15 @@ from numpy.typing import NDArray
 
 from skelgen.errors import FormatError
 from skelgen.model import PointCloud, Poses, Trajectories
-from skelgen_formats.flags import flag_of, numbers_of
-from skelgen_formats.json_records import NAME_KEYS, OWNER, by_frame
+from skelgen_formats.flags import flag_of_key, numbers_of
+from skelgen_formats.json_records import (
+    NAME_KEYS,
+    OWNER,
+    by_frame,
+    on_common_frames,
+    several_takes,
+    with_numbers_as_ids,
+)
 from skelgen_formats.lines import Lines, read_lines
 from skelgen_formats.named_arrays import take_from_arrays
 from skelgen_formats.options import POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
@@ -104,7 +111,9 @@ def take_from_value(path: Path, value: Any, options: Options, what: str) -> Traj
         if find_tidy_head(lines) is not None:
             return read_tidy(path, lines, options)
         counts: dict[_Path, Counter[Any]] = {}
-        value = by_frame(_plain(_with_whole_markers(value)))
+        if n_takes := several_takes(value):
+            raise FormatError(path, "", f"{n_takes} takes in one file: write each into a file of its own")
+        value = on_common_frames(by_frame(_plain(with_numbers_as_ids(_with_whole_markers(value)))))
         _find_owners(value, (), counts, in_frame=False)
         owners = {key: _listed(count) for key, count in counts.items()}
         leaves = dict(starmap(_with_flags, _leaves(_by_owner(value, (), owners), ())))
@@ -178,7 +187,7 @@ def _leaves(value: Any, path: _Path) -> Iterator[tuple[_Path, Any]]:
 
 def _with_flags(path: _Path, leaf: Any) -> tuple[_Path, Any]:
     """Return numbers for words that say whether points are seen, of states under `seen`; anything else as it is."""
-    flag = flag_of(path[-1]) if path else None
+    flag = flag_of_key(path[-1]) if path else None
     told = numbers_of(leaf, flag) if flag else None
     if flag is None or told is None:
         return path, leaf

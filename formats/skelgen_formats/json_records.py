@@ -7,7 +7,7 @@ too.
 """
 
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from itertools import groupby
 from typing import Any
 
@@ -31,8 +31,14 @@ _NO_PLACE = re.compile(
 )
 _INDICES = {"index", "idx"}  # at times in whole seconds also those of frames in them
 _FEWEST = 2  # points of a person
+_DEEPEST = 16  # objects in objects, of which frames have numbers for keys
+_RATE = re.compile(r"fps|(?:frame|sampl(?:e|ing)|capture|point|video|camera)_?(?:rate|frequency)|rate|frequency")
+_TAKE = re.compile(r"(?:take|trial|recording|sequence|seq|clip|session|motion)(?:_?(?:name|id|no|number|file))?")
+_OF_FRAME, _MOST_PEOPLE = 2, 8  # lists in lists of a frame of points; people in a frame, of whom as many objects are
+_MOST_TIMES = 16  # numbers on common frames for each that is there
 
 _Records = list[dict[str, Any]]
+_Path = tuple[str, ...]
 
 
 def by_frame(value: Any) -> Any:
@@ -61,9 +67,146 @@ def by_frame(value: Any) -> Any:
             record = {other: part for other, part in one.items() if other != key and other not in of_records}
             frames.setdefault(str(one.get(key)), []).append(record)
         is_sure = _tell_apart(frames, owners) if owners else _are_numbered(value, key, of_records)
-        if is_sure and _are_several(frames, is_numbered=is_frame(plain[key])) and not _are_takes(value, key, owners):
+        is_several = _are_several(frames, is_numbered=is_frame(plain[key])) or _are_few_beside(
+            frames, value, key, owners
+        )
+        if is_sure and is_several and not _are_takes(value, key, owners):
             return _listed(key, frames, [*owners])
     return value
+
+
+def with_numbers_as_ids(value: Any) -> Any:
+    """Return lists of records with ids for objects that frames have with numbers for keys, if not all have the same.
+
+    Such as ``{"people": {"3": {...}, "7": {...}}}``; points, whose values are places, are called by them.
+
+    Parameters
+    ----------
+    value : list, dict, str, float or None
+        As JSON has it.
+    """
+    found: dict[_Path, set[tuple[str, ...]]] = {}
+    for path, numbered in _numbered_in_frames(value, (), in_frame=False):
+        found.setdefault(path, set()).add(tuple(numbered))
+    differing = {path for path, keys in found.items() if len(keys) > 1}
+    return _listed_by_number(value, (), differing) if differing else value
+
+
+def _numbered_in_frames(value: Any, path: _Path, *, in_frame: bool) -> Iterator[tuple[_Path, dict[str, Any]]]:
+    """Yield the objects in frames whose keys are all numbers, with the keys that lead to them."""
+    if isinstance(value, list):
+        for one in value if value and isinstance(value[0], (dict, list)) else ():
+            yield from _numbered_in_frames(one, path, in_frame=True)
+    elif isinstance(value, dict):
+        is_numbered = bool(value) and all(map(str.isdecimal, value))
+        if is_numbered and in_frame and all(isinstance(one, dict) or _is_place(one) for one in value.values()):
+            yield path, value
+        elif len(path) < _DEEPEST:
+            for key, one in value.items():
+                yield from _numbered_in_frames(
+                    one, path if is_numbered else (*path, key), in_frame=in_frame or is_numbered
+                )
+
+
+def _listed_by_number(value: Any, path: _Path, differing: Collection[_Path]) -> Any:
+    if isinstance(value, list):
+        return [_listed_by_number(one, path, differing) if isinstance(one, (dict, list)) else one for one in value]
+    if not isinstance(value, dict):
+        return value
+    is_numbered = bool(value) and all(map(str.isdecimal, value))
+    if is_numbered and path in differing:
+        return [
+            {"name": f"point {key}", "position": one} if _is_place(one) else {"id": int(key)} | one
+            for key, one in value.items()
+        ]
+    return {key: _listed_by_number(one, path if is_numbered else (*path, key), differing) for key, one in value.items()}
+
+
+def on_common_frames(value: Any) -> Any:
+    """Return people, or points, who list their frames, each with their numbers, on the frames of all, None between.
+
+    Parameters
+    ----------
+    value : list, dict, str, float or None
+        As JSON has it; a list in an object is looked at, too.
+    """
+    if isinstance(value, dict):
+        return {key: on_common_frames(one) if isinstance(one, list) else one for key, one in value.items()}
+    if not isinstance(value, list) or len(value) < 2 or not all(isinstance(one, dict) for one in value):
+        return value
+    key = next((key for key in value[0] if is_frame(_plain(key)) and all(_lists_frames(one, key) for one in value)), "")
+    counted: list[Any] = [one.get(key) for one in value] if key else []
+    every = sorted({frame for frames in counted for frame in frames})
+    is_same = all(frames == every for frames in counted)
+    if is_same or len(every) * len(value) > _MOST_TIMES * sum(map(len, counted)):
+        return value
+    shared = (
+        {k: _on_frames(part, frames, every) for k, part in one.items()}
+        for one, frames in zip(value, counted, strict=True)
+    )
+    return [one | {key: every} for one in shared]
+
+
+def _lists_frames(record: dict[str, Any], key: str) -> bool:
+    """Whether there are different whole numbers under the key, and as many of something else."""
+    frames = record.get(key)
+    if not isinstance(frames, list) or len(frames) < 2 or not all(isinstance(one, int) for one in frames):
+        return False
+    others = (part for other, part in record.items() if other != key)
+    return len({*frames}) == len(frames) and any(_is_as_long(part, frames) for part in others)
+
+
+def _is_as_long(part: Any, frames: Sequence[int]) -> bool:
+    return isinstance(part, list) and len(part) == len(frames)
+
+
+def _on_frames(part: Any, frames: Sequence[int], every: Sequence[int]) -> Any:
+    if not _is_as_long(part, frames):
+        return part
+    there = dict(zip(frames, part, strict=True))
+    return [there.get(frame) for frame in every]
+
+
+def several_takes(value: Any) -> int:
+    """Return how many takes a list holds, in objects with a frame rate, or the name of a trial, each; else 0.
+
+    Parameters
+    ----------
+    value : list, dict, str, float or None
+        As JSON has it; the only list of an object is looked at, and objects in one alone.
+    """
+    if isinstance(value, dict):
+        parts = [one for one in value.values() if isinstance(one, (list, dict))]
+        if len(parts) == 1:
+            return several_takes(parts[0])
+        value = parts if len(parts) == len(value) else []
+    if not isinstance(value, list) or len(value) < 2 or not all(isinstance(one, dict) for one in value):
+        return 0
+    single = {
+        key: [one.get(key) for one in value] for key, part in value[0].items() if isinstance(part, (str, int, float))
+    }
+    moments = [
+        key for key in single if is_frame(_plain(key)) or clock_of([_plain(key)]) or _IMAGE.fullmatch(_plain(key))
+    ]
+    told = (
+        _RATE.fullmatch(_plain(key)) if isinstance(ones[0], (int, float)) else len({*map(str, ones)}) == len(ones)
+        for key, ones in single.items()
+        if _RATE.fullmatch(_plain(key)) or _TAKE.fullmatch(_plain(key))
+    )
+    return (
+        len(value) if not moments and any(told) and all(any(map(_is_of_frames, one.values())) for one in value) else 0
+    )
+
+
+def _is_of_frames(part: Any) -> bool:
+    return isinstance(part, list) and len(part) > _MOST_PEOPLE and _depth(part) > _OF_FRAME
+
+
+def _depth(part: Any) -> int:
+    """Return how many lists or objects stand in each other, by the first of each."""
+    if isinstance(part, dict):
+        return 1 + max((_depth(one) for one in part.values()), default=0)
+    return 1 + _depth(part[0]) if isinstance(part, list) and part else int(isinstance(part, list))
 
 
 def _plain(key: str) -> str:
@@ -96,6 +239,14 @@ def _are_several(frames: Mapping[str, _Records], *, is_numbered: bool) -> bool:
     counts = [*map(len, frames.values())]
     is_many = len(frames) > (1 if is_numbered else max(counts))
     return is_many and 2 * sum(count > 1 for count in counts) > len(frames)
+
+
+def _are_few_beside(frames: Mapping[str, _Records], records: _Records, key: str, owners: Sequence[str]) -> bool:
+    """Whether some images have people beside the one that all have, with an id each; their records stand together."""
+    is_image = bool(_IMAGE.fullmatch(_plain(key)))
+    return (
+        is_image and len(owners) > 0 and any(len(some) > 1 for some in frames.values()) and _are_together(records, key)
+    )
 
 
 def _tell_apart(frames: Mapping[str, _Records], owners: Sequence[str]) -> bool:

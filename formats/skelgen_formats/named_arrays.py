@@ -23,6 +23,7 @@ from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.model.arrays import Floats
 from skelgen_formats.clock_titles import clock_of
 from skelgen_formats.flagged_arrays import without_unseen
+from skelgen_formats.flags import flag_of_key
 from skelgen_formats.options import Options
 from skelgen_formats.table_heads import CAMEL
 from skelgen_formats.text import is_number, seconds_of
@@ -122,9 +123,9 @@ def _stamps(arrays: Arrays, n_frames: int) -> Iterator[Stamps]:
     fitting = {key: array for key, array in (numbers | same).items() if array.shape == (n_frames,)}
     columns = [*fitting.values()]
     if clock := clock_of([key.rpartition(".")[2] for key in fitting]):
-        fraction = 0.0 if clock.fraction is None else columns[clock.fraction] * clock.per_fraction
+        others = sum(columns[column] * seconds for column, seconds in clock.others)
         second = 1.0 if [*fitting][clock.column] in dates else clock.second
-        yield since_first(columns[clock.column] + fraction, second)
+        yield since_first(columns[clock.column] + others, second)
 
 
 def _unflattened(key: str, array: NDArray[Any]) -> NDArray[Any]:
@@ -203,7 +204,7 @@ def _positions(path: Path, arrays: Arrays, notices: list[str], otherwise: str) -
         return _joined(path, arrays, notices, otherwise)
     key = (named or [*fitting])[0]
     numbers = [other for other, array in arrays.items() if array.ndim >= len(AXES) and array.dtype.kind in "fiu"]
-    _notice_others([other for other in numbers if other != key], notices)
+    _notice_others([other for other in numbers if other != key and not flag_of_key(other.rpartition(".")[2])], notices)
     names = names_of_people.get(key) or _texts(arrays, key)
     positions = _with_frames_first(_with_xyz_last(fitting[key]), len(names))
     if names and len(names) != positions.shape[1] and fitting[key].shape[-1] != len(AXES):

@@ -165,6 +165,9 @@ def _has_named_rows(head: bytes, path: Path) -> bool:
     lines = [line for line in decoded_head(head).splitlines()[:_LOOKED_AT] if line.strip()]
     if is_foreign(head, path) or any(line.startswith((":", "<", "{")) for line in lines):  # AMC, ASF, XML
         return False
+    axes = {(axis_alone(cell.strip()) or ("", ""))[0] for line in lines[:_ABOVE] for cell in _CELLS.split(line)}
+    if axes >= {"x", "y"} and "z" not in axes:  # titles of points in images
+        return False
     if _blocks(lines) or len({tuple(row) for _, row in _pairs(lines[:_FEWEST])}) == 1:
         return True
     frames = _frames(lines)

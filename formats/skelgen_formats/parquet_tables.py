@@ -46,8 +46,8 @@ def read_parquet(path: Path, options: Options) -> Trajectories | PointCloud | Po
             titles = list(file.schema_arrow.names)
             head = in_one_line([titles])
             wanted = chosen_columns(head, options) if head else []
-            clocks = [head.clock.column, head.clock.fraction] if head and head.clock else []
-            names = [titles[column] for column in [*wanted, *clocks] if column is not None] or titles
+            clocks = [head.clock.column, *(column for column, _ in head.clock.others)] if head and head.clock else []
+            names = [titles[column] for column in [*wanted, *clocks]] or titles
             twice = [name for name in names if titles.count(name) > 1]
             if twice:
                 raise FormatError(path, "", f"two columns are called {twice[0]}")
@@ -85,10 +85,11 @@ def _rows(table: Any) -> Iterator[str]:
 
 
 def _stamps(columns: Floats, clock: Clock) -> Stamps:
-    """Return the times in a column, with the fractions of seconds beside it."""
+    """Return the times in a column, with what other columns add to it."""
     whole = since_first(columns[:, 0], clock.second)
-    fractions = (since_first(column, clock.per_fraction).since for column in columns.T[1:])
-    return Stamps(whole.since + sum(fractions), whole.are_seconds)
+    others = zip(columns.T[1:], clock.others, strict=True)
+    added = (since_first(column, seconds).since for column, (_, seconds) in others)
+    return Stamps(whole.since + sum(added), whole.are_seconds)
 
 
 def _numbers(path: Path, column: Any) -> Floats:

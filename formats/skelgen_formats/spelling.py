@@ -22,6 +22,7 @@ OF_VERSION = re.compile(rf"(.+{BETWEEN}[xyz])(?:{BETWEEN}(?:{_VERSION})|3d)", re
 
 _TURN = "quat|quaternion|rot|rotation|orientation|euler"
 _RW = re.compile(rf"((?:.+{BETWEEN})?)r([wxyz])", re.IGNORECASE)  # components of a quaternion, if one is w
+_POSE, _AGAIN = "xyzxyzw", re.compile(r"[wxyz]\.\d+", re.IGNORECASE)  # pandas writes x.1 for the second x
 _NO_NAME = rf"(?:{LENGTH}|std\w*|err\w*|{_VERSION})"
 _SPELT = (
     # p_RS_R_x [m], q_RS_w [] of EuRoC
@@ -75,7 +76,7 @@ def spelt(titles: Sequence[str]) -> list[str]:
     """
     plain, lower = [], [*map(str.lower, titles)]
     whole = ("_".join(filter(None, _PARTS.findall(one))) if one.startswith("(") else one for one in titles)
-    stripped = with_letters([*map(str.strip, whole)])
+    stripped = _with_quaternions(with_letters([*map(str.strip, whole)]))
     if any((match := _RW.fullmatch(one)) and match[2].lower() == "w" for one in stripped):
         stripped = [_RW.sub(r"\1q\2", one) if _RW.fullmatch(one) else one for one in stripped]
     for title in stripped:
@@ -85,6 +86,17 @@ def spelt(titles: Sequence[str]) -> list[str]:
         beside = is_second or other in titles or f"f{title[1:]}".lower() in lower
         plain.append(title if beside else other)
     return plain
+
+
+def _with_quaternions(titles: list[str]) -> list[str]:
+    """Return titles with qx to qw for x, y, z, w right behind x, y, z, as messages of ROS without their paths have."""
+    found = [*titles]
+    plain = [title.lower().rpartition(".")[0] if _AGAIN.fullmatch(title) else title.lower() for title in titles]
+    starts = [at for at in range(len(plain)) if plain[at : at + len(_POSE)] == [*_POSE]]
+    for count, at in enumerate(starts):
+        name = f"{count + 1}_" * (len(starts) > 1)
+        found[at : at + len(_POSE)] = [*(f"{name}{axis}" for axis in AXES), *(f"{name}q{one}" for one in _POSE[3:])]
+    return found
 
 
 def with_letters(titles: Sequence[str]) -> list[str]:

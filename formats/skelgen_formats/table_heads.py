@@ -13,6 +13,7 @@ from itertools import chain, combinations_with_replacement, groupby, pairwise, p
 from operator import mul
 
 from skelgen_formats.body_columns import Body
+from skelgen_formats.cell_marks import mark_in, unit_behind
 from skelgen_formats.clock_titles import Clock, clock_of, is_frame
 from skelgen_formats.flags import is_of_flag
 from skelgen_formats.markers import mm_of_unit
@@ -20,9 +21,7 @@ from skelgen_formats.options import MM_PER_UNIT
 from skelgen_formats.text import (
     is_number,
     is_unseen,
-    mark_in,
     seconds_of,
-    unit_behind,
     unquoted,
     without_trailing_empty,
     words_of,
@@ -52,7 +51,7 @@ DELIMITERS = (",", ";", "\t", "|", None)
 _NO_PLACES = re.compile(
     r"(.*[_ .:/-])?(l?acce?|accel\w*|gyro?\w*|mag|magnet\w*|quat\w*|euler\w*|rot|rotation|orientation|ang|angles?"
     r"|angular|theta|omega|forces?|moments?|torques?|grf|fp\d+|force_?plate\d*|dir|direction|velo?|velocity|velocities|speed"
-    r"|jerk|scale|colou?r|std\w*|sigma|cov\w*)([_ .:/-].*)?",
+    r"|jerk|bias\w*|scale|colou?r|std\w*|sigma|cov\w*)([_ .:/-].*)?",
     re.IGNORECASE,
 )
 _IN_ROOM = re.compile(rf"(.+){BETWEEN}world")

@@ -4,15 +4,18 @@ import contextlib
 import math
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import TypeVar
 
 from skelgen.progress import counted
+from skelgen_formats.cell_marks import ThousandsError
 from skelgen_formats.flags import Flag, is_answer, with_flags
 from skelgen_formats.text import is_number, is_unseen, seconds_of, unquoted
 from skelgen_formats.title_lines import Head
 
 _RULED, _RULE = ("|-", "| ", "--", "==", "+-", "|:"), "-=|:+ "  # of tables in Markdown
 _COMMENTS, _MARKS = ("#", "%", "//"), "<*["  # the latter are no numbers, either
+_Rows = TypeVar("_Rows")
 _LONG_STEP = 1000  # frames; where more are missing, it does not matter how many
 
 
@@ -120,6 +123,31 @@ def with_plain_numbers(
         yield number, plain
 
 
+def reread_with_marks(head: Head, read: Callable[[], _Rows]) -> _Rows:
+    """Return what is read of rows, from the first again where one of the later tells marks between thousands.
+
+    Parameters
+    ----------
+    head : Head
+        Of the table; gets the mark.
+    read : callable
+        Reads the rows, with the mark that `head` has.
+
+    Raises
+    ------
+    FormatError
+        As `read` raises it.
+    """
+    notices = [*head.notices]
+    try:
+        return read()
+    except ThousandsError as error:
+        if head.mark:
+            raise
+        head.mark, head.notices = error.mark, notices
+        return read()
+
+
 def with_numbers(numbered: Iterable[tuple[int, str]], head: Head) -> Iterator[tuple[int, str]]:
     """Yield lines with numbers for words in the columns of flags, such as 1 and 0 for true and false.
 
@@ -190,7 +218,7 @@ def with_seconds(numbered: Iterable[tuple[int, str]], head: Head) -> Iterator[tu
     clock, is_plain, is_first = head.clock, True, True
     for number, line in numbered:
         cells = line.split(head.delimiter) if clock and (is_first or not is_plain) else []
-        if clock and len(cells) > max(clock.column, clock.fraction or 0):
+        if clock and len(cells) > clock.last:
             if is_first:
                 head.clock = clock.told_by(cells[clock.column])
                 is_plain = head.clock is clock

@@ -16,6 +16,7 @@ from skelgen.errors import FormatError
 from skelgen.files import read_table
 from skelgen.model.arrays import Floats
 from skelgen.progress import counted
+from skelgen_formats.cell_marks import may_be_grouped, no_number
 
 _UNSEEN_WORDS = frozenset(
     {"", "nan", "null", "none", "-", "--", "---", "n/a", "n/d", "na", "#n/a", "<na>", ".", "missing", "undefined"}
@@ -28,14 +29,8 @@ _FORTRAN = re.compile(r"[-+]?[\d.]+D[-+]?\d+", re.IGNORECASE)
 _QUOTED = re.compile(r'"([^"]*)"')  # a cell in quotes, which may hold what parts cells
 _CLOCK = re.compile(r"(?:(\d+) days? |\S+[ T])?(\d{1,3}):(\d\d):(\d\d(?:[.,]\d+|:\d{3})?)(?: ?([AP])M)?", re.IGNORECASE)
 _TIMECODE = re.compile(r"(\d\d:\d\d:\d\d)[:;.,](\d\d)(?:\.\d\d?)?")  # SMPTE, frames behind seconds
-_WITH_UNIT = re.compile(r"[-+]?[\d.,]+(?:e[-+]?\d+)? ?(mm|cm|m)", re.IGNORECASE)
 _LASTED = re.compile(r"(\d+(?:\.\d+)?(?:e-?\d+)?) ?(ms|s|sec|min)", re.IGNORECASE)
 _SECONDS = {"ms": 1e-3, "s": 1.0, "sec": 1.0, "min": 60.0}
-_SURE_MARKS = r"'\u2019\u00a0\u2009\u202f"  # between thousands, and nowhere else in a number
-_THOUSANDS = re.compile(rf"[-+]?\d{{1,3}}([., {_SURE_MARKS}]\d{{3}})+([.,]\d+)?")
-_GROUPED = re.compile(
-    rf"[-+]?\d{{1,3}}(?:([., {_SURE_MARKS}])\d{{3}}(?:\1\d{{3}})*(?!\1)[.,]\d+|([{_SURE_MARKS}])\d{{3}}(?:\2\d{{3}})*)"
-)
 _FORMULAS = ("=", "+", "-", "@", "\t", "\r")
 _SHOWN_CHARACTERS = 40  # of a bad cell in an error: enough to find it, not a screenful
 
@@ -89,24 +84,6 @@ def _with_decimals(text: str) -> str:
 def is_timecode(text: str) -> bool:
     """Whether a cell holds a timecode of films, such as 01:02:03:24, the last of which counts frames."""
     return _TIMECODE.fullmatch(text.strip()) is not None and text.count(":") + text.count(";") > 2
-
-
-def unit_behind(cells: Iterable[str]) -> str:
-    """Return the unit of length that stands behind numbers in cells, such as 12.3 mm; empty if none or several do."""
-    units = {match[1] for match in map(_WITH_UNIT.fullmatch, cells) if match}
-    return units.pop() if len(units) == 1 else ""
-
-
-def mark_in(cells: Iterable[str]) -> str:
-    """Return what parts thousands in numbers, such as 1,234.5 or 1'234; empty if nothing surely does, or several do.
-
-    Parameters
-    ----------
-    cells : iterable of str
-        Without blanks around them.
-    """
-    marks = {match[1] or match[2] for match in map(_GROUPED.fullmatch, cells) if match}
-    return marks.pop() if len(marks) == 1 else ""
 
 
 def seconds_of(text: str) -> str:
@@ -187,7 +164,7 @@ def number_in(path: Path, place: str | int, text: str, what: str) -> float:
     try:
         value = _parsed(_with_point(text))
     except ValueError as error:
-        raise FormatError(path, place, f"{what} is {_shown(text)}; a number belongs there") from error
+        raise no_number(path, place, f"{what} is {_shown(text)}; a number belongs there", text) from error
     if not math.isfinite(value):
         raise FormatError(path, place, f"{what} is {_shown(text)}; a finite number belongs there")
     return value
@@ -376,7 +353,7 @@ def _cell(path: Path, cell: str, number: int, column: int, delimiter: str | None
     try:
         return _parsed(text if delimiter == "," else _with_point(text))
     except ValueError as error:
-        raise FormatError(path, number, f"{_shown(cell)} in value {column} is not a number") from error
+        raise no_number(path, number, f"{_shown(cell)} in value {column} is not a number", cell) from error
 
 
 def _with_point(text: str) -> str:
@@ -394,5 +371,5 @@ def _parsed(text: str) -> float:
 
 
 def _shown(text: str) -> str:
-    hint = " (export numbers without marks between thousands)" if _THOUSANDS.fullmatch(text.strip()) else ""
+    hint = " (export numbers without marks between thousands)" if may_be_grouped(text) else ""
     return repr(text if len(text) <= _SHOWN_CHARACTERS else text[:_SHOWN_CHARACTERS] + "...") + hint

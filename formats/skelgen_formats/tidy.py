@@ -27,7 +27,7 @@ from skelgen_formats.flags import FEWEST_TOLD, RESIDUAL_OF_UNSEEN, Flag, are_uns
 from skelgen_formats.lines import Lines, decoded_head, read_lines
 from skelgen_formats.options import ANGLE_ORDER, AUTO, POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
 from skelgen_formats.row_owners import spread
-from skelgen_formats.table_rows import FOLLOWING, notice_skipped, with_plain_numbers, without_remarks
+from skelgen_formats.table_rows import FOLLOWING, notice_skipped, reread_with_marks, with_plain_numbers, without_remarks
 from skelgen_formats.text import is_number, is_unseen, number_or_nan, seconds_of, unquoted
 from skelgen_formats.tidy_heads import AXIS_IN_NAME, TidyHead, find_tidy_head
 from skelgen_formats.time_stamps import since_first
@@ -83,7 +83,7 @@ def read_tidy(path: Path, lines: Lines, options: Options) -> Trajectories | Poin
     if body.turn and not body.is_turned and not body.has_angles:
         head.notices.append("quaternions of which no title names one of w, x, y, z are left out")
     head.notices += [UNREAD_QUATERNION] if numbered_quaternions(head.titles) else []
-    rows = _rows(path, lines, head)
+    rows = reread_with_marks(head, lambda: _rows(path, lines, head))
     if "side" in at and "group" not in at and len(rows.frames) > len({*zip(rows.frames, rows.points, strict=True)}):
         at["group"] = at["side"]
         rows = _rows(path, lines, head)

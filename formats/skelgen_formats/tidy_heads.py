@@ -10,10 +10,11 @@ from functools import cache, partial
 from itertools import groupby
 
 from skelgen_formats.body_columns import Body
+from skelgen_formats.cell_marks import mark_in, unit_behind
 from skelgen_formats.clock_titles import clock_of, is_frame
 from skelgen_formats.spelling import spelt
 from skelgen_formats.table_heads import CAMEL, DELIMITERS, read_preamble, with_row_names
-from skelgen_formats.text import is_number, mark_in, unit_behind, unquoted, without_trailing_empty, words_of
+from skelgen_formats.text import is_number, unquoted, without_trailing_empty, words_of
 from skelgen_formats.title_lines import Head
 from skelgen_formats.titles import bodies_of, nameless_body
 from skelgen_formats.turn_titles import AXES
@@ -116,7 +117,7 @@ def _head_of(titles: Sequence[str], cells_of: Callable[[int], list[str]]) -> Tid
     body, every = nameless_body(titles), bodies_of(titles)
     if not clock and not frames and not _tells_frames(cells_of(at["name"]) if "name" in at else [], body):
         return None
-    at |= {"time": max(clock.column, clock.fraction or 0)} if clock else {}
+    at |= {"time": clock.last} if clock else {}
     moments = [*frames, *([clock.column] if clock else [])]
     if "name" not in at and body.is_placed and moments:
         others = {*range(len(titles))} - body.every_column - {*at.values(), *frames} | {

@@ -3,7 +3,8 @@
 Beside coordinates there may be frame numbers and times, at most two columns before and two behind, which rise evenly.
 The rest is ``x y z`` of each point in turn, ``x y z`` and how sure it is, or all ``x``, all ``y`` and all ``z``. It is
 the layout in which points keep their distance to another one, as those of a body do; where none or several do, the
-numbers are not read. A comment may name the points.
+numbers are not read. A comment may name the points. Numbers of DLTdv stand in a row each (see
+`skelgen_formats.sparse_points`).
 """
 
 from collections.abc import Iterator
@@ -18,6 +19,7 @@ from skelgen.model.arrays import Floats
 from skelgen_formats.lines import Lines, decoded_head, read_lines
 from skelgen_formats.markers import zeros_unseen
 from skelgen_formats.options import POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
+from skelgen_formats.sparse_points import is_sparse, read_sparse
 from skelgen_formats.text import parse_rows, without_trailing_empty
 from skelgen_formats.time_stamps import since_first
 from skelgen_formats.turn_titles import AXES
@@ -104,7 +106,7 @@ def _rows(path: Path, lines: Lines) -> Floats:
     first = next((line for line in lines if _is_row(line)), "")
     delimiter = next((one for one in _DELIMITERS if one in first), None)
     numbered = ((number, line) for number, line in lines.numbered() if _is_row(line))
-    width = len(without_trailing_empty(first.split(delimiter)))
+    width = max((len(without_trailing_empty(line.split(delimiter))) for line in lines if _is_row(line)), default=0)
     if width < _FEWEST_POINTS * len(AXES):
         raise FormatError(path, 1, f"numbers without titles, and {width} columns where 12 belong to four points")
     return parse_rows(path, numbered, width, delimiter)
@@ -130,13 +132,16 @@ def read_untitled_points(path: Path, options: Options) -> Trajectories | PointCl
         If points keep no distance in any layout, or in several.
     """
     lines = read_lines(path)
+    if is_sparse(lines):
+        positions = read_sparse(path, lines)
+        return take_from_table(path, positions, _numbered(positions), None, options)
     found = positions_of_columns(_rows(path, lines))
     if found is None:
         what = "write over the columns which point's they are: name_x, name_y, name_z"
         raise FormatError(path, 1, f"numbers without titles, and no layout in which points keep distances: {what}")
     positions, times, layout = found
     told = (line.strip("#%/ ").replace(",", " ").split() for line in lines if line.startswith(_COMMENTS))
-    numbered = [f"point {number + 1}" for number in range(positions.shape[1])]
+    numbered = _numbered(positions)
     names = next((words for words in told if len({*words}) == len(words) == len(numbered)), numbered)
     stamps = None if times is None else since_first(times, 0.0)
     take = take_from_table(path, positions, names, stamps, options)
@@ -144,8 +149,15 @@ def read_untitled_points(path: Path, options: Options) -> Trajectories | PointCl
     return replace(take, notices=(f"{taken}; titles over the columns state another layout", *take.notices))
 
 
+def _numbered(positions: Floats) -> list[str]:
+    return [f"point {number + 1}" for number in range(positions.shape[1])]
+
+
 def _is_untitled(head: bytes, path: Path) -> bool:
-    lines = [line for line in decoded_head(head).splitlines() if _is_row(line)][:_FEWEST_FRAMES]
+    text = decoded_head(head)
+    if is_sparse(Lines(path, text.encode(), "utf-8")):
+        return True
+    lines = [line for line in text.splitlines() if _is_row(line)][:_FEWEST_FRAMES]
     try:
         rows = _rows(path, Lines(path, "\n".join(lines).encode(), "utf-8"))
     except FormatError:

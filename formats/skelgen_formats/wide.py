@@ -45,6 +45,7 @@ from skelgen_formats.table_heads import HEAD_LINES, find_head
 from skelgen_formats.table_rows import (
     in_order,
     padded_rows,
+    reread_with_marks,
     unquoted_rows,
     until_other_table,
     with_numbers,
@@ -94,8 +95,8 @@ def read_table(path: Path, lines: Lines, options: Options) -> Trajectories | Poi
         raise FormatError(path, 1, "points have two coordinates: 2D; triangulate them first, e.g. with anipose")
     wanted = chosen_columns(head, options)
     flags = [column for body in head.bodies for column in body.flags]
-    turns = Turns()
-    rows, stamps = _numbers_of(path, lines, head, [*wanted, *flags], options, turns)
+    columns = [*wanted, *flags]
+    rows, stamps, turns = reread_with_marks(head, lambda: _numbers_of(path, lines, head, columns, options))
     rows = _seen(rows, head.bodies, head.notices)
     if turns.frames:
         rows, stamps = turns.spread(path, rows, stamps)
@@ -159,9 +160,10 @@ def chosen_columns(head: Head, options: Options) -> list[int]:
 
 
 def _numbers_of(
-    path: Path, lines: Lines, head: Head, wanted: Sequence[int], options: Options, turns: Turns
-) -> tuple[Floats, Stamps | None]:
-    """Return the wanted columns, shape (n_rows, n_wanted), and times, if any."""
+    path: Path, lines: Lines, head: Head, wanted: Sequence[int], options: Options
+) -> tuple[Floats, Stamps | None, Turns]:
+    """Return the wanted columns, shape (n_rows, n_wanted), times, if any, and whose each row is, if they take turns."""
+    turns = Turns()
     times = [head.clock.column] if head.clock else []
     numbered = list(islice(lines.numbered(), head.n_lines))
     first = numbered[-1][0] if numbered else 0
@@ -177,7 +179,7 @@ def _numbers_of(
         whole = in_order(whole, head.counts, head, every=not lines.is_sampled)
     rows = parse_rows(path, with_seconds(whole, head), head.n_cells, head.delimiter, [*wanted, *times])
     if not head.clock:
-        return rows, None
+        return rows, None, turns
     stamps = rows[:, -1]
     if options.sample and options.sample.n_left_out:
         few = islice(unquoted_rows(lines.numbered(first), head.delimiter, least), options.sample.most)
@@ -185,7 +187,7 @@ def _numbers_of(
         some = with_seconds(padded_rows(plain, len(lines), head.n_cells, head.delimiter, []), head)
         stamps = parse_rows(path, some, head.n_cells, head.delimiter, times)[:, 0]
         head.notices.append(f"the frame rate is that of the first {len(stamps)} time stamps")
-    return rows[:, :-1], since_first(stamps, head.clock.second, head.clock.counts_frames)
+    return rows[:, :-1], since_first(stamps, head.clock.second, head.clock.counts_frames), turns
 
 
 def _seen(rows: Floats, chosen: Sequence[Body], notices: list[str]) -> Floats:

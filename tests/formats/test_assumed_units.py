@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 from skelgen_formats.registry import read_take
@@ -71,3 +73,12 @@ def test_unit_that_titles_name_is_taken_whatever_the_user_states(put, text):
     take = read_take(put("mm.csv", text), recorded_unit="m")
     np.testing.assert_array_equal(take.positions[0], [[1, 2, 3], [4, 5, 6]])
     assert any("the file names its length unit, mm, which is taken" in notice for notice in take.notices)
+
+
+def test_unit_that_is_not_known_is_taken_as_stated_and_else_refused(put, refused):
+    value = {"unit": "ells", "positions": (PERSON_M * np.ones((3, 1, 1))).tolist()}
+    path = put("ells.json", json.dumps(value))
+    assert "`--recorded-unit` states one" in refused(path)
+    take = read_take(path, recorded_unit="cm")
+    np.testing.assert_allclose(take.positions[0], PERSON_M * 10)
+    assert "cm is taken" in take.notices[0]

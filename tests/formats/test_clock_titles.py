@@ -23,7 +23,9 @@ def test_seconds_and_nanoseconds_part_the_rows_of_tidy_tables_into_frames(put):
     assert (take.n_frames, take.names, take.rate) == (3, ("a", "b"), pytest.approx(100.0))
 
 
-@pytest.mark.parametrize("title", ["CaptureTime", "Vicon_Recv_Timestamp", "ros_time [ms]", "device timestamp (us)"])
+@pytest.mark.parametrize(
+    "title", ["CaptureTime", "Vicon_Recv_Timestamp", "ros_time [ms]", "device timestamp (us)", "timestamp_unix_ms"]
+)
 def test_words_may_stand_before_the_title_of_times(put, title):
     unit = 1000 if "ms" in title else 1e6 if "us" in title else 1
     rows = "".join(f"{frame / 50 * unit:.9g},1,2,3,4,5,6\n" for frame in range(1, 4))
@@ -94,3 +96,13 @@ def test_timecodes_of_films_tell_the_rate(put, per_second, repeated):
     codes = [f"01:02:{n // per_second:02}:{n % per_second:02}" for n in range(3 * per_second) for _ in range(repeated)]
     rows = "".join(f"{code},1,2,3,4,5,6\n" for code in codes)
     assert read_take(put("code.csv", f"Timecode,{POINTS}\n{rows}")).rate == pytest.approx(per_second * repeated)
+
+
+@pytest.mark.parametrize(
+    ("titles", "parts"),
+    [("Hour,Minute,Second", 1), ("hh,mm,ss,ms", 1000), ("[hours],[minutes],[seconds],[milliseconds]", 1000)],
+)
+def test_hours_minutes_and_seconds_in_columns_tell_the_rate(put, titles, parts):
+    cells = ["10,59,59.96", "10,59,59.98", "11,0,0.0"] if parts == 1 else ["10,59,59,960", "10,59,59,980", "11,0,0,0"]
+    take = read_take(put("clock.csv", f"{titles},{POINTS}\n" + "".join(f"{cell},1,2,3,4,5,6\n" for cell in cells)))
+    assert (take.n_frames, take.rate) == (3, pytest.approx(50.0))

@@ -349,3 +349,75 @@ def test_point_that_is_hidden_throughout_is_dropped(put, key, no, yes):
 def test_flags_by_which_nothing_is_seen_say_nothing(put):
     points = {name: {"position": PAIR[:, 0, k].tolist(), "confidence": [0] * 5} for k, name in enumerate("abcd")}
     assert read_take(put("unsure.json", json.dumps({"rate": 50, **points})), recorded_unit="mm").seen.all()
+
+
+def took(number, n_frames):
+    return {"trial": f"walk {number}", "fps": 50, "markers": NAMES, "positions": PLACES * n_frames}
+
+
+@pytest.mark.parametrize(
+    "value", [[took(1, 2), took(2, 2)], {"trials": [took(1, 2), took(2, 3)]}, {"a": took(1, 2), "b": took(2, 3)}]
+)
+def test_several_takes_are_not_joined(put, refused, value):
+    assert "2 takes in one file" in refused(put("takes.json", json.dumps(value)))
+
+
+def test_a_rate_in_each_frame_makes_no_takes(put):
+    frames = [{"fps": 50 + n % 2, "time": n / 50, "people": [frame] * 9} for n, frame in enumerate(PLACES * 2)]
+    assert read_take(put("frames.json", json.dumps(frames))).n_frames == len(frames)
+
+
+@pytest.mark.parametrize("key", ["frame_ids", "frames"])
+def test_people_with_frames_of_their_own_stand_on_those_of_all(put, key):
+    people = {"1": {"joints3d": PLACES, key: [*range(5)]}, "7": {"joints3d": PLACES[:3], key: [3, 4, 6]}}
+    take = read_take(put("vibe.json", json.dumps(people)))
+    assert (take.n_frames, take.n_markers) == (6, 4)
+    np.testing.assert_allclose(take.positions[3:, 2:], np.array(PLACES[:3]) * 1000)
+    assert np.isnan(take.positions[:3, 2:]).all()
+    assert np.isnan(take.positions[5, :2]).all()
+
+
+def test_a_second_person_in_few_images_is_not_the_first_who_jumps(put):
+    def record(n, person):
+        return {"image_id": f"{n}.jpg", "idx": person, "pred_xyz_jts": np.add(PLACES[n], 9 * person).tolist()}
+
+    records = [record(n, person) for n in range(5) for person in (1, 2) if person == 1 or n == 3]
+    take = read_take(put("alphapose.json", json.dumps(records)))
+    assert (take.n_frames, take.n_markers) == (5, 4)
+    assert np.isfinite(take.positions[:, 2:]).all(axis=(1, 2)).tolist() == [False, False, False, True, False]
+
+
+@pytest.mark.parametrize("key", ["joint_valid", "keypoint_scores", "keypointsVisible"])
+def test_flags_of_points_hide_them(put, key):
+    told = [[1 if n != 2 else 0, 1] for n in range(5)]
+    records = [{"joint_positions": place, key: flags} for place, flags in zip(PLACES, told, strict=True)]
+    take = read_take(put("valid.json", json.dumps(records)))
+    assert np.isnan(take.positions).all(axis=2).tolist() == [[n == 2, False] for n in range(5)]
+
+
+def test_scores_of_several_people_hide_their_points(put):
+    def person(n, at):
+        return {
+            "keypoints": np.add(PLACES[n], at).tolist(),
+            "keypoint_scores": [0.9, 0.0 if (n, at) == (3, 7) else 0.8],
+        }
+
+    frames = [{"frame_id": n + 1, "instances": [person(n, 0), person(n, 7)]} for n in range(5)]
+    take = read_take(put("mmpose.json", json.dumps({"instance_info": frames})))
+    assert np.argwhere(np.isnan(take.positions).all(axis=2)).tolist() == [[3, 3]]
+
+
+def test_people_and_points_by_numbers_may_be_missing(put):
+    """Those of a frame that has one of two are not taken for the first."""
+    there = [("3", "7"), ("7",), ("3", "7"), ("7", "3"), ("3",)]
+    frames = [{"poses": {k: {"xyz": np.add(PLACES[n], int(k)).tolist()} for k in keys}} for n, keys in enumerate(there)]
+    take = read_take(put("people.json", json.dumps(frames)), recorded_unit="mm")
+    for at, key in enumerate(("3", "7")):
+        seen = [key in keys for keys in there]
+        positions = take.positions[:, 2 * at : 2 * at + 2]
+        assert np.isfinite(positions).all(axis=(1, 2)).tolist() == seen
+        np.testing.assert_allclose(positions[seen], np.add(PLACES, int(key))[seen])
+    points = [{"t": n / 50, "joints": {k: PLACES[n][int(k) > 3] for k in keys}} for n, keys in enumerate(there)]
+    take = read_take(put("points.json", json.dumps(points)), recorded_unit="mm")
+    assert take.names == ("point 3", "point 7")
+    assert take.seen.tolist() == [["3" in keys, "7" in keys] for keys in there]

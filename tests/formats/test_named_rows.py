@@ -85,3 +85,8 @@ def test_takes_with_frame_numbers_are_no_people(put, end):
     assert take.names == ("knee", "toe")
     np.testing.assert_array_equal(take.positions[:, 0, :2], frames)
     assert any("frame numbers go back" in notice for notice in take.notices)
+
+
+def test_points_in_images_with_a_confidence_are_no_points_of_three_coordinates(put, refused):
+    rows = "".join(f"{n / 30:.3f},{n},1,{name},0.{n + 1},0.6,0.9\n" for n in range(9) for name in ("nose", "neck"))
+    assert "triangulate" in refused(put("pose.csv", f"timestamp,frame_id,track_id,joint,x,y,confidence\n{rows}"))

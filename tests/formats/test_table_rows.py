@@ -159,3 +159,13 @@ def test_marks_between_thousands_are_of_coordinates_alone(put):
     titles = "time;" + ";".join(f"{name}_{axis}" for name in "ab" for axis in "xyz")
     take = read_take(put("wide.csv", f"{titles}\n{rows}"), recorded_unit="mm")
     assert (take.rate, take.positions[1, 1].tolist()) == (pytest.approx(1000.0), [-2000.0, 0.5, 1.5])
+
+
+@pytest.mark.parametrize("tidy", [False, True])
+def test_marks_between_thousands_that_begin_below_the_first_rows_are_left_out_of_all(put, tidy):
+    heights = [*range(940, 1000), "1,000", "1,001.5", "1,002"]
+    wide = "".join(f"{n}\t1\t2\t{z}\t4\t5\t6\n" for n, z in enumerate(heights))
+    rows = "".join(f"{n}\ta\t1\t2\t{z}\n{n}\tb\t4\t5\t6\n" for n, z in enumerate(heights))
+    text = f"frame\tname\tx\ty\tz\n{rows}" if tidy else f"frame\ta_x\ta_y\ta_z\tb_x\tb_y\tb_z\n{wide}"
+    take = read_take(put("late.csv", text))
+    np.testing.assert_allclose(take.positions[:, 0, 2], [*range(940, 1000), 1000, 1001.5, 1002])

@@ -60,3 +60,45 @@ def test_flat_array_is_read_as_columns_are(tmp_path):
 )
 def test_numbers_that_keep_no_distances_are_refused(put, refused, numbers):
     assert "no layout in which points keep distances" in refused(put("angles.txt", text(numbers)))
+
+
+def sparse(n_columns, entries):
+    rows = "".join(f"{frame + 1}\t{column + 1}\t{value:.6f}\n" for frame, column, value in entries)
+    return f"xyz coordinates\n{N_FRAMES}\t{n_columns}\t{len(entries)}\n{rows}"
+
+
+def test_sparse_tables_of_dltdv_are_points_with_gaps(put):
+    columns = POSITIONS.reshape(N_FRAMES, -1)
+    entries = [
+        (frame, column, columns[frame, column]) for column in range(18) for frame in range(column // 3, N_FRAMES)
+    ]
+    take = read_take(put("wing-xyzpts.tsv", sparse(18, entries)))
+    unseen = np.arange(N_FRAMES)[:, np.newaxis] < np.arange(6)  # the first frames of all points but the first
+    np.testing.assert_allclose(take.positions[~unseen], POSITIONS[~unseen], atol=1e-3)
+    assert np.isnan(take.positions[unseen]).all()
+
+
+@pytest.mark.parametrize(
+    ("name", "n_columns", "entry", "what"),
+    [
+        ("wing-xypts.tsv", 12, (0, 0, 1.0), "two coordinates"),
+        ("wing-xyzpts.tsv", 4, (0, 0, 1.0), "two coordinates"),
+        ("wing-xyzpts.tsv", 6, (N_FRAMES, 0, 1.0), "entries beyond"),
+    ],
+)
+def test_sparse_tables_in_images_or_beyond_their_sizes_are_refused(refused, put, name, n_columns, entry, what):
+    entries = [(frame, 0, 1.0) for frame in range(20)]
+    assert what in refused(put(name, sparse(n_columns, [*entries, entry])))
+
+
+def test_sparse_tables_of_hardly_any_numbers_are_refused(refused, put):
+    few = "title\n100000000\t9\t900000000\n1\t1\t0.5\n2\t1\t0.5\n"
+    assert "only 2 numbers" in refused(put("few-xyzpts.tsv", few))
+
+
+def test_last_points_may_be_unseen_at_first(put):
+    rows = text(POSITIONS.reshape(N_FRAMES, -1), ",").splitlines()
+    rows[:9] = [",".join([*row.split(",")[:15], "", "", ""]) for row in rows[:9]]
+    take = read_take(put("numbers.csv", "\n".join(rows)))
+    assert take.seen[:, 5].tolist() == [False] * 9 + [True] * (N_FRAMES - 9)
+    np.testing.assert_allclose(take.positions[9:], POSITIONS[9:], atol=1e-3)

@@ -299,3 +299,11 @@ def test_angles_may_be_titled_in_other_ways(put, title):
     take = read_take(put("bodies.csv", ",".join(columns) + "\n" + rows))
     assert isinstance(take, Poses)
     np.testing.assert_allclose(take.world_from_body[0, 0, 1, 0], 1.0)
+
+
+@pytest.mark.parametrize("titles", ["x,y,z,x.1,y.1,z.1,w", "x,y,z,x,y,z,w"])
+def test_x_y_z_and_w_right_behind_a_place_are_its_quaternion(put, titles):
+    rows = "".join(f"{n / 50},{n},2,3,0,0.6,0,0.8\n" for n in range(1, 4))
+    take = read_take(put("bag.csv", f"Time,{titles}\n{rows}"))
+    np.testing.assert_allclose(take.world_from_body[:, 0, :3, 3], [[1000 * n, 2000, 3000] for n in range(1, 4)])
+    np.testing.assert_allclose(take.world_from_body[0, 0, :3, 0], [0.28, 0, -0.96], atol=1e-12)

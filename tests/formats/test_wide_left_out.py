@@ -197,3 +197,10 @@ def test_times_that_make_another_rate_than_stated_are_told(put):
     take = read_take(put("rates.csv", f"fps: 25\n{titles}\n{rows}"))
     assert take.rate == 25.0
     assert any("the times make 100 Hz" in notice for notice in take.notices)
+
+
+def test_biases_of_sensors_are_no_points(put):
+    names = ["pos_x,pos_y,pos_z,rot_x,rot_y,rot_z,rot_w", "bias_g_x,bias_g_y,bias_g_z", "bias_a_x,bias_a_y,bias_a_z"]
+    rows = "".join(f"{n / 10},{n},2,3,0,0,0,1,0,0,0,0,0,0\n" for n in range(1, 4))
+    take = read_take(put("odometry.csv", f"timestamp,{','.join(names)}\n{rows}"))
+    assert (take.n_frames, take.n_bodies) == (3, 1)
