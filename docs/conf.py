@@ -3,6 +3,7 @@
 sphinx-build -W --keep-going docs out/site
 """
 
+import logging
 import re
 import sys
 from pathlib import Path
@@ -37,6 +38,7 @@ highlight_language = "none"  # indented blocks are commands and their answers
 
 autodoc_default_options = {"members": True, "show-inheritance": True}
 autodoc_typehints = "none"  # numpydoc sections state types with shapes and units
+autodoc_use_type_comments = False  # there are none, and each function would be read again to look for them
 numpydoc_show_class_members = False
 
 toc_object_entries = False  # thousands of entries beside each page, and twice the time
@@ -45,6 +47,7 @@ html_math_renderer = "mathml"
 html_favicon = html_logo = str(ROOT / "gui" / "skelgen_gui" / "skelgen.svg")
 html_title = f"skelgen {release}"
 
+logging.disable(logging.DEBUG)  # a hundred thousand sentences that nobody reads
 
 _environments: list[SandboxedEnvironment] = []
 

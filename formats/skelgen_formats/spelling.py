@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Sequence
+from functools import lru_cache
 
 from skelgen_formats.turn_titles import AXES, BETWEEN
 
@@ -74,7 +75,13 @@ def spelt(titles: Sequence[str]) -> list[str]:
     titles : sequence of str
         Of the columns, without quotes.
     """
-    plain, lower = [], [*map(str.lower, titles)]
+    return [*_spelt(tuple(titles))]
+
+
+@lru_cache(maxsize=16)  # reading a table asks for the same titles several times
+def _spelt(titles: tuple[str, ...]) -> tuple[str, ...]:
+    plain: list[str] = []
+    lower = [*map(str.lower, titles)]
     whole = ("_".join(filter(None, _PARTS.findall(one))) if one.startswith("(") else one for one in titles)
     stripped = _with_quaternions(with_letters([*map(str.strip, whole)]))
     if any((match := _RW.fullmatch(one)) and match[2].lower() == "w" for one in stripped):
@@ -85,7 +92,7 @@ def spelt(titles: Sequence[str]) -> list[str]:
         # or a torque, tx_plate beside fx_plate
         beside = is_second or other in titles or f"f{title[1:]}".lower() in lower
         plain.append(title if beside else other)
-    return plain
+    return tuple(plain)
 
 
 def _with_quaternions(titles: list[str]) -> list[str]:

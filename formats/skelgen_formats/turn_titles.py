@@ -3,6 +3,7 @@
 import re
 from collections import Counter
 from collections.abc import Sequence
+from functools import lru_cache
 
 from skelgen_formats.options import ROTATION_VECTOR
 
@@ -40,6 +41,7 @@ _NUMBERED = re.compile(
 )
 _SURE_ANGLE = re.compile("euler|rotvec", re.IGNORECASE)
 _ROLL_PITCH_YAW = {"roll": "x", "pitch": "y", "yaw": "z"}
+_TITLES = 1000  # of a table, each of which several readers look at several times
 _UNITY_ORDER = "yxz"
 _NAVIGATION_ORDER = "zyx"  # what most mean by roll, pitch, yaw, in whichever order they stand
 
@@ -71,6 +73,7 @@ def angle_alone(title: str) -> tuple[str, str, str] | None:
     return (found[1], order_by_words(title), found[2]) if found and not found[0] else None
 
 
+@lru_cache(maxsize=_TITLES)
 def angle_of(title: str) -> tuple[str, str, str] | None:
     """Return name, axis and unit of a title that is surely one of an angle, or None.
 
@@ -103,6 +106,7 @@ def order_by_words(title: str) -> str:
     return _NAVIGATION_ORDER if re.search("roll|pitch|yaw", title, re.IGNORECASE) else ""
 
 
+@lru_cache(maxsize=_TITLES)
 def cell_of(title: str) -> tuple[str, str] | None:
     """Return the name, and row and column such as ``12``, or the number, of a title of a matrix's cell, or None.
 
@@ -117,6 +121,7 @@ def cell_of(title: str) -> tuple[str, str] | None:
     return (match[1] or "", match[7] or f"{match[2] or match[4]}{match[3] or match[5]}") if match else None
 
 
+@lru_cache(maxsize=_TITLES)
 def quaternion_of(title: str) -> tuple[str, str] | None:
     """Return name and component of a title of a quaternion's component, or None.
 

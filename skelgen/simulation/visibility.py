@@ -84,16 +84,18 @@ def _squared_distances(camera: Floats, positions: Floats, start: Floats, tip: Fl
     first t follows from the unbounded lines, and one more step after clamping is exact for segments.
     """
     sight = positions - camera
-    length = np.linalg.norm(sight, axis=2)
-    a = np.maximum(length**2, _TINY)
+    a = np.maximum(np.sqrt(_dot(sight, sight)) ** 2, _TINY)
     axis, offset = (tip - start)[:, np.newaxis], (camera - start)[:, np.newaxis]
-    b = (sight * axis).sum(axis=2)
-    e = np.maximum((axis * axis).sum(axis=2), _TINY)
-    c = (sight * offset).sum(axis=2)
-    f = (axis * offset).sum(axis=2)
+    b, c, f = _dot(sight, axis), _dot(sight, offset), _dot(axis, offset)
+    e = np.maximum(_dot(axis, axis), _TINY)
     end = np.maximum(1 - _STANDOFF / np.sqrt(a), 0.0)
     s = np.clip((b * f - c * e) / np.maximum(a * e - b * b, _TINY), 0.0, end)
     t = np.clip((b * s + f) / e, 0.0, 1.0)
     s = np.clip((b * t - c) / a, 0.0, end)
     gap = offset + s[..., np.newaxis] * sight - t[..., np.newaxis] * axis
-    return np.asarray((gap * gap).sum(axis=2))
+    return _dot(gap, gap)
+
+
+def _dot(first: Floats, second: Floats) -> Floats:
+    products = first * second
+    return products[..., 0] + products[..., 1] + products[..., 2]  # NumPy sums axes of three numbers slowly

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import struct
 import tracemalloc
 from collections.abc import Iterator
@@ -46,15 +47,18 @@ FUZZ = settings(
 )
 
 
-@pytest.fixture(autouse=True)
+@contextlib.contextmanager
 def bounded_memory() -> Iterator[None]:
+    """Fail if what is done within takes much memory."""
     tracemalloc.start()
-    yield
-    _, peak = tracemalloc.get_traced_memory()
-    tracemalloc.stop()
-    assert peak < MEMORY_BYTES
+    try:
+        yield
+        assert tracemalloc.get_traced_memory()[1] < MEMORY_BYTES
+    finally:
+        tracemalloc.stop()
 
 
+@bounded_memory()
 def reads_or_refuses(path: Path, name: str) -> None:
     for format_name in (None, name):
         try:
@@ -63,6 +67,7 @@ def reads_or_refuses(path: Path, name: str) -> None:
             assert "\n" not in str(error)
 
 
+@bounded_memory()
 def poses_or_refuses(path: Path) -> None:
     """Whether a motion is read, and then stands somewhere and can be played by a body with markers; or is refused."""
     try:

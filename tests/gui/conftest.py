@@ -32,8 +32,6 @@ def frozen():
     """What other tests and libraries left in memory is not searched after each test: that takes a second and more."""
     gc.collect()
     gc.freeze()
-    yield
-    gc.unfreeze()
 
 
 @pytest.fixture(autouse=True)
