@@ -161,8 +161,9 @@ def check_outputs(
     """
     given, free = [path for path in inputs if path is not None and path.exists()], set(named)
     for output in outputs:
-        if any(place.is_file() for place in output.parents):
-            raise WriteError(f"{output.parent}: cannot be created: there is a file of this name")
+        for place in output.parents:
+            if place.is_file():
+                raise WriteError(f"{place}: cannot be created: there is a file of this name")
         if not output.exists():
             continue
         if any(output.samefile(path) for path in given):

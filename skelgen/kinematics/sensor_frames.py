@@ -15,7 +15,7 @@ import numpy as np
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import nearest_rotation, transform_from, vector_from_matrix
 from skelgen.model import Poses
-from skelgen.model.arrays import Bools, Floats
+from skelgen.model.arrays import Bools, Floats, as_floats
 
 CONSTANT = 0.01
 """Of a matrix; what varies less is no more than the digits of a file."""
@@ -36,7 +36,7 @@ def poses_from_matrices(matrices: Floats, names: Sequence[str], rate: float, nam
     Parameters
     ----------
     matrices : ndarray, shape (n_frames, n_bodies, 4, 4) or (n_frames, n_bodies, 3, 4), translations in mm
-        World from body; NaN where unseen. The left three columns are any invertible matrix: scaled, skewed or
+        World from body; NaN or masked where unseen. The left three columns are any invertible matrix: scaled, skewed or
         left-handed.
     names : sequence of str, length n_bodies
         Of the bodies.
@@ -62,7 +62,7 @@ def poses_from_matrices(matrices: Floats, names: Sequence[str], rate: float, nam
     >>> poses_from_matrices(mirrored, ["sensor"], 100.0).notices
     ('the matrices of sensor are no rotations: axes are 2 times as long and left-handed; they are straightened',)
     """
-    given = np.asarray(matrices, dtype=np.float64)
+    given = as_floats(matrices, "matrices", "4 axes")
     if given.ndim != 4 or given.shape[2:] not in ((4, 4), (3, 4)):
         raise InputError(f"matrices have shape {given.shape}; it must be (n_frames, n_bodies, 4, 4) or (.., .., 3, 4)")
     linear, places = given[..., :3, :3].copy(), given[..., :3, 3].copy()

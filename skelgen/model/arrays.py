@@ -106,12 +106,18 @@ def as_floats(values: ArrayLike, what: str, shape: str) -> Floats:
         If there is something else than real numbers, or rows are unlike in length.
     """
     try:
-        given = values if isinstance(values, np.ma.MaskedArray) else np.asarray(values)
+        given = np.ma.array(values) if _has_masks(values) else np.asarray(values)
         floats = given.astype(np.float64, casting="unsafe" if given.dtype.kind == "O" else "same_kind")
     except (TypeError, ValueError) as error:
         what = f"{what} must be an array of real numbers with {shape}, all rows of one length"
         raise InputError(f"{what}; it is {values!r:.40}") from error
     return np.asarray(np.ma.filled(floats, np.nan))
+
+
+def _has_masks(values: ArrayLike) -> bool:
+    """Whether numbers may be masked: np.asarray would take what is there for seen."""
+    rows = values if isinstance(values, list | tuple) else [values]
+    return any(isinstance(row, np.ma.MaskedArray) for row in rows)
 
 
 def check_probabilities(values: ArrayLike, shape: Sequence[int | None], what: str) -> Floats:
@@ -285,6 +291,7 @@ def _is_frozen(values: ArrayLike) -> TypeGuard[Floats]:
     """Whether an array comes from another value: an hour of markers need not be held twice."""
     return (
         isinstance(values, np.ndarray)
+        and not isinstance(values, np.ma.MaskedArray)
         and values.dtype == np.float64
         and not values.flags.writeable
         and bool(values.flags.owndata)

@@ -213,8 +213,9 @@ def test_file_that_nobody_named_is_refused(folder, waving, capsys, command, comp
     assert contents(folder) == before
 
 
-def test_a_folder_that_is_a_file_is_told_before_a_run_begins(folder, capsys):
-    assert main(["run", "walk.trc", "-o", "walk.trc"]) == 2
+@pytest.mark.parametrize("output", ["walk.trc", "walk.trc/results/first"])
+def test_a_folder_that_is_a_file_is_told_before_a_run_begins(folder, capsys, output):
+    assert main(["run", "walk.trc", "-o", output]) == 2
     assert capsys.readouterr().err == "skelgen: error: walk.trc: cannot be created: there is a file of this name\n"
 
 

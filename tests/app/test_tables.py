@@ -62,6 +62,15 @@ def test_the_range_of_a_wheel_is_that_of_all_its_turns(wheel_project):
     )
 
 
+def test_full_turns_of_frames_that_hide_a_limb_are_in_no_range(wheel_project):
+    motion, wheel = wheel_project.motion, wheel_project.skeleton.joints[0]
+    seen = motion.limb_seen.copy()
+    seen[50:-50, wheel.child] = False
+    hidden = replace(wheel_project, _motion=replace(motion, limb_seen=seen))
+    row = project_tables(hidden)["angles"][0]
+    assert -90 < row["low_deg"] < row["high_deg"] < 90
+
+
 def test_deviations_of_hinges_are_those_across_their_axis(small_project):
     hinge, ball = project_tables(small_project)["joints"]
     assert ball["std_mm"] == pytest.approx(np.sqrt(0.09 + 0.16 + 0.25))

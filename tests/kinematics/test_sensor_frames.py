@@ -58,6 +58,13 @@ def test_rotations_are_taken_as_they_are(truth):
     np.testing.assert_allclose(poses.world_from_body[:, :, :3], given, atol=1e-12)
 
 
+def test_masked_matrices_are_unseen(truth):
+    given = np.ma.array(truth.world_from_limb, mask=False)
+    given[5, 1] = np.ma.masked
+    seen = np.isfinite(poses_from_matrices(given, truth.limb_names, 100.0).world_from_body).all(axis=(2, 3))
+    assert np.argwhere(~seen).tolist() == [[5, 1]]
+
+
 def test_matrices_that_change_their_shape_are_told(truth):
     given = truth.world_from_limb.copy()
     given[..., :3, :3] *= np.linspace(0.8, 1.2, 120)[:, np.newaxis, np.newaxis, np.newaxis]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import pickle
 
 import numpy as np
 import pytest
@@ -140,6 +141,18 @@ def test_masked_positions_are_unseen():
     array = np.ma.masked_equal(np.arange(1, 19).reshape(3, 2, 3) * 100, 800)
     take = Trajectories.from_array(array, 100.0)
     assert take.seen.tolist() == [[True, True], [False, True], [True, True]]
+
+
+def test_masked_positions_of_a_list_of_frames_are_unseen():
+    array = np.ma.masked_equal(np.arange(1, 19).reshape(3, 2, 3) * 100, 800)
+    take = Trajectories.from_array(list(array), 100.0)
+    assert take.seen.tolist() == [[True, True], [False, True], [True, True]]
+
+
+def test_masked_positions_that_nobody_can_write_to_are_unseen():
+    array = pickle.loads(pickle.dumps(np.ma.masked_equal(np.arange(1.0, 19.0).reshape(3, 2, 3), 8.0)))  # its own data
+    array.flags.writeable = False
+    assert Trajectories(array, ("A", "B"), 100.0).seen.tolist() == [[True, True], [False, True], [True, True]]
 
 
 def test_markers_of_an_array_without_names_are_numbered():

@@ -18,7 +18,7 @@ from skelgen.kinematics.inverse.root_outward import KnownJoints, PosedTree, outw
 from skelgen.kinematics.inverse.skeleton_tree import SkeletonTree
 from skelgen.kinematics.joints.angles import angle_deviations, joint_angles
 from skelgen.model import Motion, Project, Skeleton
-from skelgen.model.arrays import Bools, Floats, Ints, check_floats
+from skelgen.model.arrays import Bools, Floats, Ints, as_floats, check_floats
 
 METHODS = ("whole-chain", "root-outward")
 
@@ -73,7 +73,7 @@ def solve(skeleton: Skeleton, positions: Floats, *, method: str = "whole-chain",
     skeleton : Skeleton
         With its types of joints and axes.
     positions : ndarray, shape (n_frames, n_markers, 3) or (n_markers, 3), mm
-        Measured markers, NaN where unseen.
+        Measured markers, NaN or masked where unseen.
     method : str
         ``whole-chain``, or ``root-outward`` for the closed form alone.
     noise : float, mm, optional
@@ -93,7 +93,7 @@ def solve(skeleton: Skeleton, positions: Floats, *, method: str = "whole-chain",
     ((5, 3), (5, 3))
     """
     _check_method(method)
-    positions = np.asarray(positions, dtype=np.float64)
+    positions = as_floats(positions, "positions", "3 axes")
     positions = positions[np.newaxis] if positions.ndim == 2 else positions
     positions = check_floats(positions, (None, len(skeleton.limb_of_marker), 3), "positions")
     trees = [SkeletonTree(skeleton, int(root), noise) for root in skeleton.roots]

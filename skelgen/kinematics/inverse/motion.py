@@ -165,7 +165,7 @@ def angles_over_time(joint: Joint, motion: Motion) -> Floats:
 
 
 def spread_posture(skeleton: Skeleton, motion: Motion, positions: Floats) -> tuple[Ints, Posture]:
-    """Return frames that are evenly spread over a take, and their posture with the turns of all frames.
+    """Return frames that are evenly spread over a take, and their posture with the turns of all frames that show them.
 
     Parameters
     ----------
@@ -175,8 +175,19 @@ def spread_posture(skeleton: Skeleton, motion: Motion, positions: Floats) -> tup
     frames = spread_frames(motion.n_frames, _MOST_FRAMES)
     posture = posture_of(skeleton, motion, positions, frames)
     pairs = zip(skeleton.joints, posture.angles, strict=True)
-    angles = tuple(one if joint.axis is None else angles_over_time(joint, motion)[frames] for joint, one in pairs)
+    angles = tuple(one if joint.axis is None else _turns_that_are_seen(joint, motion)[frames] for joint, one in pairs)
     return frames, replace(posture, angles=angles)
+
+
+def _turns_that_are_seen(joint: Joint, motion: Motion) -> Floats:
+    """Angles over time, without the full turns of frames that hide a limb: its pose there may go round."""
+    angles, turn = angles_over_time(joint, motion), 2 * np.pi
+    shown = np.flatnonzero(motion.limb_seen[:, [joint.parent, joint.child]].all(axis=1))
+    if not len(shown):
+        return angles
+    seen = continued(joint, angles[shown] - turn * np.round(angles[shown] / turn))
+    last_seen = np.maximum(np.searchsorted(shown, np.arange(motion.n_frames), side="right") - 1, 0)
+    return np.asarray(angles + (seen - angles[shown])[last_seen])
 
 
 @dataclass(frozen=True)

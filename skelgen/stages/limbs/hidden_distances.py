@@ -4,7 +4,7 @@ Frames that show two markers are no random sample: a hand that the trunk hides i
 only, so that each pair tells of other moments. Postures change all distances together, though, so that what is seen in
 a frame tells its posture, and the posture what is hidden: principal components with missing values, found by turns of
 ridge regressions (Tipping and Bishop, J. R. Statist. Soc. B 61 (1999) 611-622; Ilin and Raiko, J. Mach. Learn. Res. 11
-(2010) 1957-2000). Distances of a rigid limb hardly vary, and are left alone.
+(2010) 1957-2000). Hidden distances of a rigid limb are its usual ones.
 """
 
 import numpy as np

@@ -177,8 +177,9 @@ def square_of_pairs(values: Floats) -> Floats:
         In the order of the rows above the diagonal.
     """
     n_markers = (1 + math.isqrt(1 + 8 * values.shape[-1])) // 2
-    square = np.ascontiguousarray(values[..., numbers_of_pairs(n_markers)])
-    square[..., np.arange(n_markers), np.arange(n_markers)] = np.nan
+    square = np.full((*values.shape[:-1], n_markers, n_markers), np.nan, values.dtype)
+    first, second = above_diagonal(n_markers)
+    square[..., first, second] = square[..., second, first] = values
     return square
 
 

@@ -124,6 +124,13 @@ def test_unseen_limb_is_marked_and_uncertain(arm):
     assert np.isfinite(posture.world_from_limb).all()
 
 
+def test_masked_markers_are_unseen(arm):
+    skeleton, positions, _ = arm
+    masked = np.ma.array(positions, mask=False)
+    masked[:, 12:] = np.ma.masked
+    np.testing.assert_array_equal(solve(skeleton, masked).limb_seen[:, 3], False)
+
+
 def test_frame_without_markers_is_refused(arm):
     skeleton, positions, _ = arm
     empty = positions[:3].copy()

@@ -56,6 +56,10 @@ def test_pairs_are_the_rows_above_the_diagonal():
     np.testing.assert_array_equal(square, [[np.nan, 1, 2], [1, np.nan, 3], [2, 3, np.nan]])
 
 
+def test_one_marker_has_no_pair():
+    np.testing.assert_array_equal(square_of_pairs(np.zeros((2, 0))), np.full((2, 1, 1), np.nan))
+
+
 def test_the_median_is_of_what_is_known():
     assert median_of_known(np.array([4.0, np.nan, 1.0, 2.0, 9.0])) == 3.0
     assert median_of_known(np.full(3, np.nan)) == median_of_known(np.zeros(0)) == 0.0
