@@ -98,7 +98,7 @@ def with_numbers_as_ids(value: Any) -> Any:
 def _numbered_in_frames(value: Any, path: _Path, *, in_frame: bool) -> Iterator[tuple[_Path, dict[str, Any]]]:
     """Yield the objects in frames whose keys are all numbers, with the keys that lead to them."""
     if isinstance(value, list):
-        for one in value if value and isinstance(value[0], (dict, list)) else ():
+        for one in filter(_may_hold_objects, value):
             yield from _numbered_in_frames(one, path, in_frame=True)
     elif isinstance(value, dict):
         is_numbered = bool(value) and all(map(str.isdecimal, value))
@@ -106,9 +106,15 @@ def _numbered_in_frames(value: Any, path: _Path, *, in_frame: bool) -> Iterator[
             yield path, value
         elif len(path) < _DEEPEST:
             for key, one in value.items():
-                yield from _numbered_in_frames(
-                    one, path if is_numbered else (*path, key), in_frame=in_frame or is_numbered
-                )
+                if _may_hold_objects(one):
+                    inner = path if is_numbered else (*path, key)
+                    yield from _numbered_in_frames(one, inner, in_frame=in_frame or is_numbered)
+
+
+def _may_hold_objects(value: Any) -> bool:
+    """Whether this is an object, or a list that begins with one, or with a list."""
+    is_list = isinstance(value, list) and len(value) > 0
+    return isinstance(value[0], (dict, list)) if is_list else isinstance(value, dict)
 
 
 def _listed_by_number(value: Any, path: _Path, differing: Collection[_Path]) -> Any:
