@@ -94,12 +94,14 @@ def clock_of(titles: Sequence[str]) -> Clock | None:
         for part, seconds in _PARTS.items() if whole else ():
             if whole and whole[1] + part in lower:
                 return Clock(column, 1.0, ((lower.index(whole[1] + part), seconds),))
-    if of_day := _of_day(lower):
-        return of_day
+    of_day = _of_day(lower)
     for pattern in (_TIME, _NAMED_TIME, _SINCE_FIRST):
         for column, title in enumerate(titles):
-            if match := pattern.fullmatch(title):
-                return Clock(column, _unit(match[1] or (title if _UNIT_ALONE.fullmatch(title) else "")))
+            is_unit = _UNIT_ALONE.fullmatch(title) is not None  # may be a part of a time
+            if (match := pattern.fullmatch(title)) and not (of_day and is_unit):
+                return Clock(column, _unit(match[1] or (title if is_unit else "")))
+        if of_day:
+            return of_day
     return None
 
 

@@ -7,6 +7,7 @@ too.
 """
 
 import re
+from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from itertools import groupby
 from typing import Any
@@ -32,8 +33,9 @@ _NO_PLACE = re.compile(
 _INDICES = {"index", "idx"}  # at times in whole seconds also those of frames in them
 _FEWEST = 2  # points of a person
 _DEEPEST = 16  # objects in objects, of which frames have numbers for keys
-_RATE = re.compile(r"fps|(?:frame|sampl(?:e|ing)|capture|point|video|camera)_?(?:rate|frequency)|rate|frequency")
-_TAKE = re.compile(r"(?:take|trial|recording|sequence|seq|clip|session|motion)(?:_?(?:name|id|no|number|file))?")
+_TAKE = re.compile(
+    r"(?:take|trial|recording|session)(?:_?(?:name|id|no|number|file))?|(?:sequence|clip|motion)(?:_?(?:name|file))?"
+)
 _OF_FRAME, _MOST_PEOPLE = 2, 8  # lists in lists of a frame of points; people in a frame, of whom as many objects are
 _MOST_TIMES = 16  # numbers on common frames for each that is there
 
@@ -85,17 +87,18 @@ def with_numbers_as_ids(value: Any) -> Any:
     value : list, dict, str, float or None
         As JSON has it.
     """
-    found: dict[_Path, set[tuple[str, ...]]] = {}
+    found: dict[_Path, Counter[tuple[str, ...]]] = {}
     for path, numbered in _numbered_in_frames(value, (), in_frame=False):
-        found.setdefault(path, set()).add(tuple(numbered))
-    differing = {path for path, keys in found.items() if len(keys) > 1}
+        found.setdefault(path, Counter())[tuple(numbered)] += 1
+    # What has more numbers than there are frames has frames itself
+    differing = {path for path, keys in found.items() if len(keys) > 1 and keys.total() > max(map(len, keys))}
     return _listed_by_number(value, (), differing) if differing else value
 
 
 def _numbered_in_frames(value: Any, path: _Path, *, in_frame: bool) -> Iterator[tuple[_Path, dict[str, Any]]]:
     """Yield the objects in frames whose keys are all numbers, with the keys that lead to them."""
     if isinstance(value, list):
-        for one in value if value and isinstance(value[0], (dict, list)) else ():
+        for one in filter(_may_hold_objects, value):
             yield from _numbered_in_frames(one, path, in_frame=True)
     elif isinstance(value, dict):
         is_numbered = bool(value) and all(map(str.isdecimal, value))
@@ -103,9 +106,15 @@ def _numbered_in_frames(value: Any, path: _Path, *, in_frame: bool) -> Iterator[
             yield path, value
         elif len(path) < _DEEPEST:
             for key, one in value.items():
-                yield from _numbered_in_frames(
-                    one, path if is_numbered else (*path, key), in_frame=in_frame or is_numbered
-                )
+                if _may_hold_objects(one):
+                    inner = path if is_numbered else (*path, key)
+                    yield from _numbered_in_frames(one, inner, in_frame=in_frame or is_numbered)
+
+
+def _may_hold_objects(value: Any) -> bool:
+    """Whether this is an object, or a list that begins with one, or with a list."""
+    is_list = isinstance(value, list) and len(value) > 0
+    return isinstance(value[0], (dict, list)) if is_list else isinstance(value, dict)
 
 
 def _listed_by_number(value: Any, path: _Path, differing: Collection[_Path]) -> Any:
@@ -168,7 +177,7 @@ def _on_frames(part: Any, frames: Sequence[int], every: Sequence[int]) -> Any:
 
 
 def several_takes(value: Any) -> int:
-    """Return how many takes a list holds, in objects with a frame rate, or the name of a trial, each; else 0.
+    """Return how many takes a list holds, in objects with the name of a trial each; else 0.
 
     Parameters
     ----------
@@ -188,18 +197,15 @@ def several_takes(value: Any) -> int:
     moments = [
         key for key in single if is_frame(_plain(key)) or clock_of([_plain(key)]) or _IMAGE.fullmatch(_plain(key))
     ]
-    told = (
-        _RATE.fullmatch(_plain(key)) if isinstance(ones[0], (int, float)) else len({*map(str, ones)}) == len(ones)
-        for key, ones in single.items()
-        if _RATE.fullmatch(_plain(key)) or _TAKE.fullmatch(_plain(key))
-    )
-    return (
-        len(value) if not moments and any(told) and all(any(map(_is_of_frames, one.values())) for one in value) else 0
-    )
+    told = (len({*map(str, ones)}) == len(ones) for key, ones in single.items() if _TAKE.fullmatch(_plain(key)))
+    are_takes = not moments and any(told) and all(any(map(_is_of_frames, one.values())) for one in value)
+    return len(value) if are_takes else 0
 
 
 def _is_of_frames(part: Any) -> bool:
-    return isinstance(part, list) and len(part) > _MOST_PEOPLE and _depth(part) > _OF_FRAME
+    """Whether there are lists of points in a list; each of a list of objects may hold one point alone."""
+    is_long = isinstance(part, list) and len(part) > _MOST_PEOPLE
+    return is_long and _depth(part) > _OF_FRAME + isinstance(part[0], dict)
 
 
 def _depth(part: Any) -> int:
@@ -243,10 +249,8 @@ def _are_several(frames: Mapping[str, _Records], *, is_numbered: bool) -> bool:
 
 def _are_few_beside(frames: Mapping[str, _Records], records: _Records, key: str, owners: Sequence[str]) -> bool:
     """Whether some images have people beside the one that all have, with an id each; their records stand together."""
-    is_image = bool(_IMAGE.fullmatch(_plain(key)))
-    return (
-        is_image and len(owners) > 0 and any(len(some) > 1 for some in frames.values()) and _are_together(records, key)
-    )
+    is_image = len(owners) > 0 and bool(_IMAGE.fullmatch(_plain(key)))
+    return is_image and 1 < max(map(len, frames.values())) < len(frames) and _are_together(records, key)
 
 
 def _tell_apart(frames: Mapping[str, _Records], owners: Sequence[str]) -> bool:

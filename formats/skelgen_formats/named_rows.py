@@ -15,6 +15,7 @@ from pathlib import Path
 
 from skelgen.errors import FormatError
 from skelgen.model import PointCloud, Poses, Trajectories
+from skelgen_formats.flags import flag_of
 from skelgen_formats.foreign import is_foreign
 from skelgen_formats.lines import Lines, decoded_head, read_lines
 from skelgen_formats.options import POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
@@ -165,8 +166,9 @@ def _has_named_rows(head: bytes, path: Path) -> bool:
     lines = [line for line in decoded_head(head).splitlines()[:_LOOKED_AT] if line.strip()]
     if is_foreign(head, path) or any(line.startswith((":", "<", "{")) for line in lines):  # AMC, ASF, XML
         return False
-    axes = {(axis_alone(cell.strip()) or ("", ""))[0] for line in lines[:_ABOVE] for cell in _CELLS.split(line)}
-    if axes >= {"x", "y"} and "z" not in axes:  # titles of points in images
+    titles = [cell.strip() for line in lines[:_ABOVE] for cell in _CELLS.split(line)]
+    axes = {axis for axis, _ in filter(None, map(axis_alone, titles))}
+    if axes == {"x", "y"} and any(map(flag_of, titles)):  # points in images, each with a confidence
         return False
     if _blocks(lines) or len({tuple(row) for _, row in _pairs(lines[:_FEWEST])}) == 1:
         return True

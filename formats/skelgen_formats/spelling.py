@@ -100,6 +100,8 @@ def _with_quaternions(titles: list[str]) -> list[str]:
     found = [*titles]
     plain = [title.lower().rpartition(".")[0] if _AGAIN.fullmatch(title) else title.lower() for title in titles]
     starts = [at for at in range(len(plain)) if plain[at : at + len(_POSE)] == [*_POSE]]
+    if [title for title in plain if title in {*_POSE}] != [*_POSE] * len(starts):  # other points, or quaternions first
+        return titles
     for count, at in enumerate(starts):
         name = f"{count + 1}_" * (len(starts) > 1)
         found[at : at + len(_POSE)] = [*(f"{name}{axis}" for axis in AXES), *(f"{name}q{one}" for one in _POSE[3:])]

@@ -115,11 +115,11 @@ def with_plain_numbers(
     for number, line in numbered:
         plain = unit.sub("", line) if unit else line
         if head.mark:
-            cells = enumerate(plain.split(head.delimiter))
-            is_grouped = ((cell, at in wanted and grouped.match(cell)) for at, cell in cells)
-            plain = (head.delimiter or " ").join(
-                cell.replace(head.mark, "") if found else cell for cell, found in is_grouped
-            )
+            cells = plain.split(head.delimiter)
+            marked = [at for at, cell in enumerate(cells) if at in wanted and head.mark in cell.strip()]
+            for at in marked if all(grouped.match(cells[at]) for at in marked) else ():  # else it parts decimals, too
+                cells[at] = cells[at].replace(head.mark, "")
+            plain = (head.delimiter or " ").join(cells)
         yield number, plain
 
 

@@ -106,7 +106,11 @@ def _rows(path: Path, lines: Lines) -> Floats:
     first = next((line for line in lines if _is_row(line)), "")
     delimiter = next((one for one in _DELIMITERS if one in first), None)
     numbered = ((number, line) for number, line in lines.numbered() if _is_row(line))
-    width = max((len(without_trailing_empty(line.split(delimiter))) for line in lines if _is_row(line)), default=0)
+    cells = first.split(delimiter)
+    width = len(without_trailing_empty(cells))
+    if width < len(cells):  # points that are unseen at first, or a delimiter behind each row
+        widths = (len(without_trailing_empty(line.split(delimiter))) for line in lines if _is_row(line))
+        width = min(max(widths), len(cells))
     if width < _FEWEST_POINTS * len(AXES):
         raise FormatError(path, 1, f"numbers without titles, and {width} columns where 12 belong to four points")
     return parse_rows(path, numbered, width, delimiter)

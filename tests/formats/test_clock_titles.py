@@ -106,3 +106,14 @@ def test_hours_minutes_and_seconds_in_columns_tell_the_rate(put, titles, parts):
     cells = ["10,59,59.96", "10,59,59.98", "11,0,0.0"] if parts == 1 else ["10,59,59,960", "10,59,59,980", "11,0,0,0"]
     take = read_take(put("clock.csv", f"{titles},{POINTS}\n" + "".join(f"{cell},1,2,3,4,5,6\n" for cell in cells)))
     assert (take.n_frames, take.rate) == (3, pytest.approx(50.0))
+
+
+@pytest.mark.parametrize("parts", ["hour,minute,second", "hh,mm,ss"])
+@pytest.mark.parametrize("is_tidy", [False, True])
+def test_a_time_beside_hours_minutes_and_seconds_is_the_finer_one(put, is_tidy, parts):
+    moments = [f"{n / 50},11,59,{n // 50}" for n in range(100)]
+    wide = "".join(f"{moment},1,2,3,4,5,6\n" for moment in moments)
+    tidy = "".join(f"{moment},{name},1,2,3\n" for moment in moments for name in "ab")
+    text = f"time,{parts},name,x,y,z\n{tidy}" if is_tidy else f"time,{parts},{POINTS}\n{wide}"
+    take = read_take(put("clock.csv", text))
+    assert (take.n_frames, take.rate) == (100, pytest.approx(50.0))

@@ -90,3 +90,8 @@ def test_takes_with_frame_numbers_are_no_people(put, end):
 def test_points_in_images_with_a_confidence_are_no_points_of_three_coordinates(put, refused):
     rows = "".join(f"{n / 30:.3f},{n},1,{name},0.{n + 1},0.6,0.9\n" for n in range(9) for name in ("nose", "neck"))
     assert "triangulate" in refused(put("pose.csv", f"timestamp,frame_id,track_id,joint,x,y,confidence\n{rows}"))
+
+
+def test_the_third_coordinate_may_be_called_otherwise(put):
+    rows = "".join(f"{name},{x},{y},{z}\n" for _ in TIMES for name, (x, y, z) in PLACES)
+    assert read_take(put("depth.txt", f"name,x,y,depth\n{rows}")).names == ("knee", "toe")

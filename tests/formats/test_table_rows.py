@@ -169,3 +169,9 @@ def test_marks_between_thousands_that_begin_below_the_first_rows_are_left_out_of
     text = f"frame\tname\tx\ty\tz\n{rows}" if tidy else f"frame\ta_x\ta_y\ta_z\tb_x\tb_y\tb_z\n{wide}"
     take = read_take(put("late.csv", text))
     np.testing.assert_allclose(take.positions[:, 0, 2], [*range(940, 1000), 1000, 1001.5, 1002])
+
+
+@pytest.mark.parametrize(("stray", "cell"), [("1.234,5", "0.940"), ("1,234.5", "0,940")])
+def test_marks_that_part_decimals_elsewhere_in_the_row_part_no_thousands(put, refused, stray, cell):
+    rows = "".join(f"{n}\t1\t2\t{cell}\t4\t{stray if n == 80 else '1.400'}\t6\n" for n in range(90))
+    assert "82: " in refused(put("stray.tsv", f"frame\ta_x\ta_y\ta_z\tb_x\tb_y\tb_z\n{rows}"))

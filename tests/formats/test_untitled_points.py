@@ -102,3 +102,9 @@ def test_last_points_may_be_unseen_at_first(put):
     take = read_take(put("numbers.csv", "\n".join(rows)))
     assert take.seen[:, 5].tolist() == [False] * 9 + [True] * (N_FRAMES - 9)
     np.testing.assert_allclose(take.positions[9:], POSITIONS[9:], atol=1e-3)
+
+
+def test_a_row_that_is_too_long_is_named(put, refused):
+    rows = text(POSITIONS.reshape(N_FRAMES, -1), ",").splitlines()
+    rows[20] += ",1"
+    assert "21: 19 cells where 18 belong" in refused(put("numbers.csv", "\n".join(rows)))

@@ -307,3 +307,20 @@ def test_x_y_z_and_w_right_behind_a_place_are_its_quaternion(put, titles):
     take = read_take(put("bag.csv", f"Time,{titles}\n{rows}"))
     np.testing.assert_allclose(take.world_from_body[:, 0, :3, 3], [[1000 * n, 2000, 3000] for n in range(1, 4)])
     np.testing.assert_allclose(take.world_from_body[0, 0, :3, 0], [0.28, 0, -0.96], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "titles", ["x,y,z,w,x,y,z,x,y,z,w,x,y,z", "x,y,z,x.1,y.1,z.1,w,x.2,y.2,z.2,x.3,y.3,z.3,w.1,x.4"]
+)
+def test_x_y_z_and_w_of_unlike_order_are_left_as_points(put, titles):
+    cells = ",".join(f"{0.1 * n:.1f}" for n in range(titles.count(",") + 1))
+    take = read_take(put("bag.csv", f"Time,{titles}\n" + "".join(f"{n / 50},{cells}\n" for n in range(3))))
+    assert take.names == ("0", "1", "2", "3")
+
+
+def test_positions_and_rotations_below_names_tell_their_columns(put):
+    names = "Frame,Time," + ",".join(n for n in "AB" for _ in range(7))
+    kinds = ",," + ",".join(["Rotation"] * 4 + ["Position"] * 3 + ["Rotation"] * 4 + ["Position"] * 3)
+    rows = "".join(f"{n},{n / 50},0,0,0.6,0.8,1,2,3,0,0,0.6,0.8,4,5,{n}\n" for n in range(3))
+    take = read_take(put("rows.csv", f"{names}\n{kinds}\n,,{','.join('XYZWXYZ' * 2)}\n{rows}"))
+    assert (take.names, take.rate) == (("A", "B"), pytest.approx(50.0))

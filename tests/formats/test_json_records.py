@@ -1,0 +1,111 @@
+"""JSON of records, people and points with frames or numbers of their own, and of several takes."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from skelgen_formats.registry import read_take
+
+PLACES = [[[frame, 2.5, 3.5], [4.5, 5.5, frame + 0.25]] for frame in range(5)]
+NAMES = ["knee", "toe"]
+
+
+def took(number, n_frames):
+    return {"trial": f"walk {number}", "fps": 50, "markers": NAMES, "positions": PLACES * n_frames}
+
+
+@pytest.mark.parametrize(
+    "value", [[took(1, 2), took(2, 2)], {"trials": [took(1, 2), took(2, 3)]}, {"a": took(1, 2), "b": took(2, 3)}]
+)
+def test_several_takes_are_not_joined(put, refused, value):
+    assert "2 takes in one file" in refused(put("takes.json", json.dumps(value)))
+
+
+def test_a_rate_in_each_frame_makes_no_takes(put):
+    frames = [{"fps": 50 + n % 2, "time": n / 50, "people": [frame] * 9} for n, frame in enumerate(PLACES * 2)]
+    assert read_take(put("frames.json", json.dumps(frames))).n_frames == len(frames)
+
+
+@pytest.mark.parametrize("told", [{"fps": 50}, {"id": 0, "fps": 50}, {"header": {"seq": 0}, "rate": 50}])
+def test_frames_with_a_rate_and_no_time_are_no_takes(put, told):
+    points = [{"name": f"{n}", "position": [n, 2.5, 3.5]} for n in range(9)]
+    frames = [{**told, "joints": points} for _ in range(5)]
+    assert read_take(put("frames.json", json.dumps(frames)), recorded_unit="mm").positions.shape == (5, 9, 3)
+
+
+def test_people_and_points_with_a_rate_each_are_no_takes(put):
+    people = [{"person_id": n, "fps": 50, "positions": np.add(PLACES * 2, n).tolist()} for n in range(2)]
+    assert read_take(put("people.json", json.dumps(people))).positions.shape == (10, 4, 3)
+    points = [{"name": n, "rate": 50, "samples": [{"pos": one[k]} for one in PLACES * 2]} for k, n in enumerate(NAMES)]
+    assert read_take(put("points.json", json.dumps(points))).names == ("knee", "toe")
+
+
+@pytest.mark.parametrize("key", ["frame_ids", "frames"])
+def test_people_with_frames_of_their_own_stand_on_those_of_all(put, key):
+    people = {"1": {"joints3d": PLACES, key: [*range(5)]}, "7": {"joints3d": PLACES[:3], key: [3, 4, 6]}}
+    take = read_take(put("vibe.json", json.dumps(people)))
+    assert (take.n_frames, take.n_markers) == (6, 4)
+    np.testing.assert_allclose(take.positions[3:, 2:], np.array(PLACES[:3]) * 1000)
+    assert np.isnan(take.positions[:3, 2:]).all()
+    assert np.isnan(take.positions[5, :2]).all()
+
+
+def test_a_second_person_in_few_images_is_not_the_first_who_jumps(put):
+    def record(n, person):
+        return {"image_id": f"{n}.jpg", "idx": person, "pred_xyz_jts": np.add(PLACES[n], 9 * person).tolist()}
+
+    records = [record(n, person) for n in range(5) for person in (1, 2) if person == 1 or n == 3]
+    take = read_take(put("alphapose.json", json.dumps(records)))
+    assert (take.n_frames, take.n_markers) == (5, 4)
+    assert np.isfinite(take.positions[:, 2:]).all(axis=(1, 2)).tolist() == [False, False, False, True, False]
+
+
+@pytest.mark.parametrize("key", ["joint_valid", "keypoint_scores", "keypointsVisible"])
+def test_flags_of_points_hide_them(put, key):
+    told = [[1 if n != 2 else 0, 1] for n in range(5)]
+    records = [{"joint_positions": place, key: flags} for place, flags in zip(PLACES, told, strict=True)]
+    take = read_take(put("valid.json", json.dumps(records)))
+    assert np.isnan(take.positions).all(axis=2).tolist() == [[n == 2, False] for n in range(5)]
+
+
+def test_scores_of_several_people_hide_their_points(put):
+    def person(n, at):
+        return {
+            "keypoints": np.add(PLACES[n], at).tolist(),
+            "keypoint_scores": [0.9, 0.0 if (n, at) == (3, 7) else 0.8],
+        }
+
+    frames = [{"frame_id": n + 1, "instances": [person(n, 0), person(n, 7)]} for n in range(5)]
+    take = read_take(put("mmpose.json", json.dumps({"instance_info": frames})))
+    assert np.argwhere(np.isnan(take.positions).all(axis=2)).tolist() == [[3, 3]]
+
+
+def test_people_and_points_by_numbers_may_be_missing(put):
+    """Those of a frame that has one of two are not taken for the first."""
+    there = [("3", "7"), ("7",), ("3", "7"), ("7", "3"), ("3",)]
+    frames = [{"poses": {k: {"xyz": np.add(PLACES[n], int(k)).tolist()} for k in keys}} for n, keys in enumerate(there)]
+    take = read_take(put("people.json", json.dumps(frames)), recorded_unit="mm")
+    for at, key in enumerate(("3", "7")):
+        seen = [key in keys for keys in there]
+        positions = take.positions[:, 2 * at : 2 * at + 2]
+        assert np.isfinite(positions).all(axis=(1, 2)).tolist() == seen
+        np.testing.assert_allclose(positions[seen], np.add(PLACES, int(key))[seen])
+    points = [{"t": n / 50, "joints": {k: PLACES[n][int(k) > 3] for k in keys}} for n, keys in enumerate(there)]
+    take = read_take(put("points.json", json.dumps(points)), recorded_unit="mm")
+    assert take.names == ("point 3", "point 7")
+    assert take.seen.tolist() == [["3" in keys, "7" in keys] for keys in there]
+
+
+def test_numbers_of_frames_are_no_ids_of_people_or_points(put, refused):
+    there = {"knee": [0, 1, 2, 3, 4], "toe": [0, 1, 3, 4]}
+    markers = [{"name": n, "frames": {f"{f}": PLACES[f][0] for f in frames}} for n, frames in there.items()]
+    assert "JSON" in refused(put("markers.json", json.dumps({"markers": markers})))
+    people = {key: {f"{n + start}": {"joints": PLACES[n]} for n in range(5)} for key, start in (("1", 0), ("7", 3))}
+    assert read_take(put("people.json", json.dumps(people))).positions.shape == (5, 4, 3)
+
+
+def test_images_of_two_films_are_no_people(put):
+    records = [{"file_name": f"{n}.mp4", "index": f, "joints": PLACES[f]} for n in "ab" for f in range(5)]
+    assert read_take(put("films.json", json.dumps(records))).positions.shape == (10, 2, 3)
