@@ -70,7 +70,7 @@ def read_json(path: Path, options: Options) -> Trajectories | PointCloud | Poses
     FormatError
         If it is damaged, or holds no positions.
     """
-    text = "\n".join(line for _, line in read_lines(path).numbered())
+    text = read_lines(path).whole()
     try:
         try:
             value = json.loads(text)

@@ -168,6 +168,10 @@ class Lines(Sequence[str]):
             raise FormatError(self._path, index + 1, what)
         return self._content[self._start : end].decode(self._encoding)
 
+    def whole(self) -> str:
+        """Return all lines as one text, however long they are."""
+        return self._content.decode(self._encoding)
+
     def numbered(self, first: int = 0, least: int = 0) -> Iterator[tuple[int, str]]:
         """Yield lines that are not blank, with their numbers, which begin with 1.
 

@@ -88,6 +88,11 @@ def test_a_value_may_stand_in_each_line(put):
     np.testing.assert_allclose(take.positions, PLACES)
 
 
+def test_all_may_stand_in_one_line_however_long_it_is(put):
+    text = json.dumps(LAYOUTS["records"]).replace("[", "[" + " " * (1 << 23), 1)
+    np.testing.assert_array_equal(read_take(put("a.json", text), recorded_unit="mm").positions, PLACES)
+
+
 def test_points_that_frames_do_not_list_are_unseen(put):
     frames = [{"markers": named(frame)[: 1 + n % 2]} for n, frame in enumerate(PLACES)]
     take = read_take(put("some.json", json.dumps({"frames": frames})))
