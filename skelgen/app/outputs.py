@@ -157,13 +157,10 @@ def check_outputs(
     Raises
     ------
     WriteError
-        If an output is an input, replaces a file that is not to be replaced, or has a file in the place of its folder.
+        If an output is an input, or replaces a file that is not to be replaced.
     """
     given, free = [path for path in inputs if path is not None and path.exists()], set(named)
     for output in outputs:
-        for place in output.parents:
-            if place.is_file():
-                raise WriteError(f"{place}: cannot be created: there is a file of this name")
         if not output.exists():
             continue
         if any(output.samefile(path) for path in given):
@@ -184,7 +181,15 @@ def check_run(folder: Path, names: tuple[str, str], inputs: Iterable[Path | None
         Beginning of all names, and name of the XML file if that is another one.
     inputs, overwrite
         As of `check_outputs`.
+
+    Raises
+    ------
+    WriteError
+        As of `check_outputs`, or if a file is in the place of the folder.
     """
+    for place in (folder, *folder.parents):
+        if place.is_file():
+            raise WriteError(f"{place}: cannot be created: there is a file of this name")
     stem, result_name = names
     project = folder / (stem + SUFFIX)
     written = [folder / (stem + output.suffix) for output in OUTPUTS]

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linear_sum_assignment
 
@@ -186,6 +186,19 @@ def test_points_that_coincide_do_no_harm():
         }
     ),
     seed=st.integers(0, 5),
+)
+@example(  # whose skeleton has joints 10 km off, so that rounding leaves nothing of the errors of points
+    counts=[6, 6, 3],
+    scale=1e-6,
+    options={
+        "assignment": "greedy",
+        "prediction": "none",
+        "alignment": "whole",
+        "clustering": "spectral",
+        "min_range": 0,
+        "trim_range": 0,
+    },
+    seed=2,
 )
 def test_any_cloud_is_labelled_or_refused(counts, scale, options, seed):
     random = np.random.default_rng(seed)

@@ -53,6 +53,9 @@ TURN_NOISE = 0.06
 MOST_SPREAD = 1.0
 """rad; largest standard deviation of an unseen angle, about half of what joints allow."""
 
+ROUNDING = 1e-12
+"""Part of a covariance that rounding leaves nothing of."""
+
 ROOT_STRAY = 200.0
 """mm, and rad over the size of a typical limb, that a root may deviate in a frame from its predicted motion."""
 
@@ -173,7 +176,7 @@ class PoseFilter:
         predicted, spread = np.empty((self.n_markers, 3)), np.empty((self.n_markers, 3, 3))
         predict_markers(self._body, poses, inverse.T, predicted, spread)
         predicted[~self.carried] = np.nan
-        return PosePrediction(predicted, spread)
+        return PosePrediction(predicted, _invertible(spread, self._body.variances))
 
     def learn_motion(self, rotations: Floats, origins: Floats, n_steps: int) -> None:
         """Take the motion since an earlier pose as what continues.
@@ -208,3 +211,10 @@ class PoseFilter:
 
 def _rows(vectors: list[Floats]) -> Floats:
     return np.array(vectors, dtype=np.float64).reshape(-1, 3)
+
+
+def _invertible(covariances: Floats, variances: Floats) -> Floats:
+    """Covariances (n_markers, 3, 3) that can be inverted, however badly a pose is known beside the errors of points."""
+    largest = covariances.trace(axis1=1, axis2=2)
+    added = np.where(largest > variances / ROUNDING, ROUNDING * largest, 0.0)
+    return np.asarray(covariances + added[:, np.newaxis, np.newaxis] * np.eye(3))
