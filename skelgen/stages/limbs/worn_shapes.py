@@ -23,6 +23,10 @@ LOOKED_AT = 60
 LEAST_COMMON = 8
 """Frames that must show both markers."""
 
+MUCH_HIDDEN = 0.25
+"""Part of all distances from which those that are hidden are completed: where less is, what is seen says about as much,
+and single markers that are seldom seen would be made up."""
+
 SHORTEST, LEAST_MOTION = 5.0, 1.0
 """mm; smaller distances and deviations of these say nothing more."""
 
@@ -154,7 +158,8 @@ def shape_of(positions: Floats) -> Shape:
     lengths = np.maximum(lengths_of(positions[:, first] - positions[:, second]), SHORTEST)
     seen = np.isfinite(lengths).sum(axis=0)
     known = seen >= min(LEAST_COMMON, len(positions))
-    lengths, unknown = with_hidden(lengths) if seen.min(initial=len(positions)) < len(positions) else (lengths, 0.0)
+    is_much_hidden = seen.sum() < (1.0 - MUCH_HIDDEN) * lengths.size
+    lengths, unknown = with_hidden(lengths) if is_much_hidden else (lengths, 0.0)
     lengths = np.sort(lengths, axis=0)  # NaN last
     count = np.maximum((~np.isnan(lengths)).sum(axis=0), 1)
     middle = np.take_along_axis(lengths, (count - 1)[np.newaxis] // 2, axis=0)[0]
