@@ -7,11 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import skelgen
 from skelgen.app.configuration import Settings
 from skelgen.app.constraints import RunOptions
 from skelgen.app.inputs import AXIS_LENGTHS
 from skelgen.app.pipeline import run_stages
-from skelgen.errors import Cancelled, InputError, MissingResultError
+from skelgen.errors import Cancelled, InputError, MissingResultError, ParameterError
 from skelgen.model import PointCloud, Poses, Project, Trajectories
 from skelgen.model.project import STAGES
 from skelgen.progress import SilentMonitor
@@ -56,6 +57,15 @@ def test_notices_of_limbs_call_them_by_the_names_that_they_get():
     project = run_stages(Project(replace(take, positions=positions)), until_stage="limbs")
     (notice,) = project.reports["limbs"].notices
     assert notice.startswith("rear rod 2 is seen in 20 frames only: that it is on rear rod rests")
+
+
+def test_a_marker_set_that_does_not_exist_is_refused_before_any_work(waving):
+    class Watched(SilentMonitor):
+        def begin(self, name):
+            pytest.fail(f"{name} has begun")
+
+    with pytest.raises(ParameterError, match="no marker set 'mine'; there are auto, none, "):
+        skelgen.reconstruct(waving, parameters={"limbs": {"marker_set": "mine"}}, monitor=Watched())
 
 
 def test_points_are_labelled_with_the_known_number(waving):

@@ -154,6 +154,13 @@ class LimbParameters(StageParameters):
         acts_with="method=spectral/greedy and n_limbs=found and count=rising",
     )
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.marker_set not in {"auto", "none"}:
+            from skelgen.stages.names import find_marker_set  # noqa: PLC0415 - reads tables
+
+            find_marker_set(self.marker_set, ())  # raises if there is no such set
+
     @property
     def spectral(self) -> SpectralMethod:
         """How the methods that cluster eigenvectors do it."""
