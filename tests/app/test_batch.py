@@ -387,6 +387,15 @@ class Deadly(str):
         os.kill(os.getpid(), signal.SIGKILL)
 
 
+def test_a_script_whose_workers_start_it_again_is_told_so(waves, tmp_path):
+    script = tmp_path / "script.py"
+    script.write_text("import skelgen\nskelgen.run_batch(['in/wave0.csm'], 'out')\n")
+    command = [sys.executable, script]
+    ended = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, timeout=300, check=False)
+    assert 'below `if __name__ == "__main__":`' in ended.stderr.splitlines()[-1]
+    assert not (tmp_path / "out").exists()
+
+
 def test_killed_at_any_moment_and_resumed_gives_the_same(waves, tmp_path):
     command = [sys.executable, "-m", "skelgen", "batch", str(waves), "-q", "--resume", "--jobs", "2", "-o"]
     paths = {"PYTHONPATH": os.pathsep.join(str(ROOT / name) for name in (".", "gui", "formats"))}

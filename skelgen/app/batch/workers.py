@@ -35,6 +35,9 @@ if TYPE_CHECKING:
 TRIES = 2
 """A take whose worker dies is given to another one once: somebody may have killed it by mistake."""
 
+_FAILED = 1
+"""Exit code of a process that ends by an exception."""
+
 _RECYCLED_ABOVE = 500_000_000
 """bytes; a worker that has held more is replaced, since Python seldom gives memory back. A usual take needs half."""
 
@@ -61,6 +64,8 @@ def in_processes(
     ------
     ParameterError
         If the time is not one, or there is no process.
+    InputError
+        If a process fails before it begins with a take.
     """
     limit, n_workers = _limit(timeout), check_whole(n_workers, 1, "n_workers")
     waiting = deque(entries)
@@ -123,7 +128,7 @@ class _Worker:
         theirs.close()
         self._send(job)
         self.entry: Entry | None = None
-        self.is_late = False
+        self.is_late, self.has_begun = False, False
         self.deadline = math.inf  # until its take begins
         self._timeout, self._outcome = timeout, cast("Outcome | None", None)
 
@@ -143,11 +148,24 @@ class _Worker:
         except (EOFError, OSError):
             self.process.join()
             return True
+        self.has_begun = True
         self.deadline = math.inf if self._outcome else time.monotonic() + self._timeout
         return self._outcome is not None
 
     def finish(self) -> tuple[Entry, Outcome | None]:
-        """Return the take and what became of it; None if the process died."""
+        """Return the take and what became of it; None if the process died.
+
+        Raises
+        ------
+        InputError
+            If it failed before it began with any take: it loads the script that started it, which fails or starts
+            processes itself.
+        """
+        if self.process.exitcode == _FAILED and not self.has_begun:
+            raise InputError(
+                "a worker process failed before its first take, with the error on stderr: it loads the script that "
+                'asks for the batch, which must do so below `if __name__ == "__main__":`'
+            )
         entry, self.entry = self.entry, None
         outcome, self._outcome = self._outcome, None
         assert entry is not None
