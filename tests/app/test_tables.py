@@ -62,6 +62,12 @@ def test_the_range_of_a_wheel_is_that_of_all_its_turns(wheel_project):
     )
 
 
+def test_a_wheel_turns_as_far_in_the_table_of_joints_as_its_angle_goes(wheel_project):
+    tables = project_tables(wheel_project)
+    angle = tables["angles"][0]
+    assert tables["joints"][0]["turns_deg"][0] == pytest.approx(angle["high_deg"] - angle["low_deg"], abs=0.1)
+
+
 def test_full_turns_of_frames_that_hide_a_limb_are_in_no_range(wheel_project):
     motion, wheel = wheel_project.motion, wheel_project.skeleton.joints[0]
     seen = motion.limb_seen.copy()

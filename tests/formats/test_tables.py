@@ -12,7 +12,7 @@ from skelgen_formats.registry import write_file
 from skelgen.errors import WriteError
 from skelgen.geometry.rotations import matrix_from_quaternion
 from skelgen.kinematics.inverse.inverse_kinematics import posture_of
-from skelgen.kinematics.inverse.motion import angles_over_time
+from skelgen.kinematics.joints.angles import angles_over_time
 
 
 def read_with(library, path):

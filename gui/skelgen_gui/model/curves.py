@@ -9,8 +9,7 @@ import numpy as np
 from skelgen.app.drawing.measures import joint_called, residual_per_frame
 from skelgen.app.drawing.scales import Extremes
 from skelgen.kinematics.inverse.inverse_kinematics import posture_of
-from skelgen.kinematics.inverse.motion import angles_over_time
-from skelgen.kinematics.joints.angles import angle_names
+from skelgen.kinematics.joints.angles import angle_names, angles_over_time
 from skelgen.model import Project
 from skelgen.model.arrays import Floats
 from skelgen_gui.model import translate

@@ -12,8 +12,8 @@ import numpy as np
 
 from skelgen.geometry.rotations import matrix_from_quaternion, transform_from
 from skelgen.kinematics.inverse.inverse_kinematics import Posture, posture_of
-from skelgen.kinematics.joints.angles import angle_names, continued, joint_angles
-from skelgen.model import Joint, JointAngles, Motion, Skeleton, Trajectories
+from skelgen.kinematics.joints.angles import angle_names, continued, turns_that_are_seen
+from skelgen.model import JointAngles, Motion, Skeleton, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints, check_bools, check_floats, read_only, set_fields, spread_frames
 
 CHUNK_FRAMES = 8_192
@@ -150,20 +150,6 @@ def successive_postures(
         yield replace(posture, angles=angles)
 
 
-def angles_over_time(joint: Joint, motion: Motion) -> Floats:
-    """Return a joint's angles [rad] in all frames, those about axes without jumps of a full turn, (n_frames, n_angles).
-
-    Parameters
-    ----------
-    joint : Joint
-        Of the skeleton that moves.
-    motion : Motion
-        Its motion.
-    """
-    relative = motion.rotations[:, joint.parent].swapaxes(1, 2) @ motion.rotations[:, joint.child]
-    return continued(joint, joint_angles(joint, relative))
-
-
 def spread_posture(skeleton: Skeleton, motion: Motion, positions: Floats) -> tuple[Ints, Posture]:
     """Return frames that are evenly spread over a take, and their posture with the turns of all frames that show them.
 
@@ -175,19 +161,8 @@ def spread_posture(skeleton: Skeleton, motion: Motion, positions: Floats) -> tup
     frames = spread_frames(motion.n_frames, _MOST_FRAMES)
     posture = posture_of(skeleton, motion, positions, frames)
     pairs = zip(skeleton.joints, posture.angles, strict=True)
-    angles = tuple(one if joint.axis is None else _turns_that_are_seen(joint, motion)[frames] for joint, one in pairs)
+    angles = tuple(one if joint.axis is None else turns_that_are_seen(joint, motion)[frames] for joint, one in pairs)
     return frames, replace(posture, angles=angles)
-
-
-def _turns_that_are_seen(joint: Joint, motion: Motion) -> Floats:
-    """Angles over time, without the full turns of frames that hide a limb: its pose there may go round."""
-    angles, turn = angles_over_time(joint, motion), 2 * np.pi
-    shown = np.flatnonzero(motion.limb_seen[:, [joint.parent, joint.child]].all(axis=1))
-    if not len(shown):
-        return angles
-    seen = continued(joint, angles[shown] - turn * np.round(angles[shown] / turn))
-    last_seen = np.maximum(np.searchsorted(shown, np.arange(motion.n_frames), side="right") - 1, 0)
-    return np.asarray(angles + (seen - angles[shown])[last_seen])
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ Small rotations :math:`\omega` of the child in the parent's axes move a rotation
 import numpy as np
 
 from skelgen.geometry.rotations import cross_matrix, matrix_from_vector, vector_from_matrix
-from skelgen.model import Joint
+from skelgen.model import Joint, Motion
 from skelgen.model.arrays import Floats
 
 _SMALL = 1e-4  # rad; below, the series is exact in double precision
@@ -74,6 +74,37 @@ def continued(joint: Joint, angles: Floats, before: Floats | None = None) -> Flo
     if joint.axis is None or not len(angles):
         return angles
     return np.unwrap(np.concatenate([angles[:1] if before is None else before[np.newaxis], angles]), axis=0)[1:]
+
+
+def angles_over_time(joint: Joint, motion: Motion) -> Floats:
+    """Return a joint's angles [rad] in all frames, those about axes without jumps of a full turn, (n_frames, n_angles).
+
+    Parameters
+    ----------
+    joint : Joint
+        Of the skeleton that moves.
+    motion : Motion
+        Its motion.
+    """
+    relative = motion.rotations[:, joint.parent].swapaxes(1, 2) @ motion.rotations[:, joint.child]
+    return continued(joint, joint_angles(joint, relative))
+
+
+def turns_that_are_seen(joint: Joint, motion: Motion) -> Floats:
+    """Return angles over time, without the full turns of frames that hide a limb: its pose there may go round.
+
+    Parameters
+    ----------
+    joint, motion
+        As for `angles_over_time`.
+    """
+    angles, turn = angles_over_time(joint, motion), 2 * np.pi
+    shown = np.flatnonzero(motion.limb_seen[:, [joint.parent, joint.child]].all(axis=1))
+    if not len(shown):
+        return angles
+    seen = continued(joint, angles[shown] - turn * np.round(angles[shown] / turn))
+    last_seen = np.maximum(np.searchsorted(shown, np.arange(motion.n_frames), side="right") - 1, 0)
+    return np.asarray(angles + (seen - angles[shown])[last_seen])
 
 
 def angle_deviations(joint: Joint, relative: Floats, covariance: Floats) -> Floats:

@@ -8,6 +8,7 @@ import numpy as np
 from skelgen._kernels import contiguous
 from skelgen._kernels.joint_models import relative_vectors
 from skelgen.geometry.rotations import nearest_rotation
+from skelgen.kinematics.joints.angles import turns_that_are_seen
 from skelgen.model import Joint, Motion, Skeleton
 from skelgen.model.arrays import Floats, evenly_spread
 
@@ -39,7 +40,7 @@ class RangeOfMotion:
     directions : ndarray, shape (3, 3)
         Unit axes in the parent as rows, that with the largest range first.
     ranges : ndarray, shape (3,), rad
-        From the smallest to the largest rotation about each.
+        From the smallest to the largest rotation about each; of hinges, as those of wheels, all full turns count.
     """
 
     directions: Floats
@@ -63,6 +64,15 @@ def range_of_motion(relative: Floats) -> RangeOfMotion:
     ranges = np.ptp(along, axis=0)
     order = np.argsort(-ranges, kind="stable")
     return RangeOfMotion(directions[order], ranges[order])
+
+
+def _with_all_turns(found: RangeOfMotion, joint: Joint, motion: Motion) -> RangeOfMotion:
+    """The range of a hinge that turns farther than rotations tell: half a turn from the middle they begin anew."""
+    if joint.kind != "hinge":
+        return found
+    shown = motion.limb_seen[:, [joint.parent, joint.child]].all(axis=1)
+    turn = float(np.ptp(turns_that_are_seen(joint, motion)[shown])) if shown.any() else 0.0
+    return found if turn <= np.pi else RangeOfMotion(found.directions, np.array([turn, *found.ranges[1:]]))
 
 
 def turned_about_and_across(relative: Floats, direction: Floats) -> tuple[float, float]:
@@ -161,7 +171,7 @@ def observed_joints(skeleton: Skeleton, motion: Motion) -> tuple[Observed, ...]:
         frames = evenly_spread(shown, MOST_FRAMES)
         parent, child = (motion.world_from_limb[frames, limb, :3, :3] for limb in (joint.parent, joint.child))
         relative = parent.swapaxes(1, 2) @ child
-        turned = range_of_motion(relative)
+        turned = _with_all_turns(range_of_motion(relative), joint, motion)
         covariance = joint.place_covariance
         values, vectors = np.linalg.eigh(covariance)
         worst = float(np.sqrt(max(values[-1], 0.0)))
