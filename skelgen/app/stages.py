@@ -71,9 +71,9 @@ def with_result(project: Project, result: StageResult, report: StageReport) -> P
         case Topology():
             return project.with_topology(result, report)
         case SkeletonResult():
-            done = project.with_skeleton(result.skeleton, result.motion, report)
             names = result.skeleton.limb_names
-            return done if names == project.limbs.names else done.with_limb_names(names)
+            named = project if names == project.limbs.names else project.before("skeleton").with_limb_names(names)
+            return named.with_skeleton(result.skeleton, result.motion, report)
 
 
 @dataclass(frozen=True)

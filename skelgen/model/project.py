@@ -13,7 +13,7 @@ from skelgen.model import tables
 from skelgen.model.arrays import Ints, check_whole, set_fields
 from skelgen.model.corrections import Correction, Identities
 from skelgen.model.labelling import Labelling
-from skelgen.model.limbs import Limbs, names_of_bodies
+from skelgen.model.limbs import Limbs, names_of_bodies, with_other_names
 from skelgen.model.skeleton import Motion, Skeleton
 from skelgen.model.takes import Take, Trajectories
 from skelgen.model.topology import Topology
@@ -266,10 +266,21 @@ class Project:
         return replace(self, _trajectories=replace(self.trajectories, names=tuple(names)))
 
     def with_limb_names(self, names: Sequence[str]) -> Project:
-        """Return a project whose limbs are called otherwise; nothing else depends on their names."""
+        """Return a project whose limbs are called otherwise, in notices, too; nothing else depends on their names."""
         limbs = replace(self.limbs, names=tuple(names))
         skeleton = None if self._skeleton is None else replace(self._skeleton, limb_names=limbs.names)
-        return replace(self, _limbs=limbs, _skeleton=skeleton)
+        return replace(self, _limbs=limbs, _skeleton=skeleton, reports=self._reports_with(limbs))
+
+    def _reports_with(self, limbs: Limbs) -> Mapping[str, StageReport]:
+        """The reports with other names of limbs; notices that give limbs their numbers stay."""
+        pairs = [(self.limbs.called(limb), limbs.called(limb)) for limb in range(limbs.n_limbs)]
+        named = {old: new for limb, (old, new) in enumerate(pairs) if old != f"limb {limb}"}
+        if all(old == new for old, new in named.items()):
+            return self.reports
+        return {
+            stage: replace(report, notices=with_other_names(report.notices, named, self.trajectories.names))
+            for stage, report in self.reports.items()
+        }
 
     def check_before(self, stage: str) -> None:
         """Raise `MissingResultError` unless all stages before one have run."""

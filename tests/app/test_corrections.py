@@ -99,6 +99,14 @@ def test_what_is_confirmed_is_certain_and_keeps_every_result(human):
     np.testing.assert_array_equal(sure.trajectories.positions, human.trajectories.positions)
 
 
+def test_notices_call_a_limb_as_it_is_called_now(human):
+    said = "head 1 is on head (60 %), but could be on neck (40 %)"
+    reports = {**human.reports, "limbs": dataclasses.replace(human.reports["limbs"], notices=(said,))}
+    named = with_correction(dataclasses.replace(human, reports=reports), Correction("name", ("head 1",), value="skull"))
+    assert named.reports["limbs"].notices == ("head 1 is on skull (60 %), but could be on neck (40 %)",)
+    assert without_correction(named, len(named.corrections) - 1).reports["limbs"].notices == (said,)
+
+
 def test_what_is_confirmed_stays_certain_when_the_marker_is_renamed(human):
     confidence = np.where(human.trajectories.seen, 0.4, np.nan)
     doubtful = dataclasses.replace(human, _labelling=dataclasses.replace(human.labelling, confidence=confidence))
