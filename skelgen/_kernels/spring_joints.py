@@ -1,13 +1,25 @@
-"""Limbs that joints hold together like stiff springs: normal equations of their poses, steps, and predicted markers.
+r"""Limbs that joints hold together like stiff springs: normal equations of their poses, steps, and predicted markers.
 
-For each limb the unknowns are a small rotation about the world's axes [rad] and a shift of its origin [mm].
+For each limb the unknowns are a small rotation about the world's axes [rad] and a shift of its origin [mm]. Only limbs
+with a joint in common have a block of the normal matrix in common, so that a tree is eliminated from its leaves inward.
+With the block :math:`D = L L^T` of a limb whose children are eliminated, and :math:`C` that it shares with its parent,
+
+.. math::
+    U = L^{-1} C, \quad D_p \leftarrow D_p - U^T U, \quad
+    x = L^{-T} (L^{-1} g - U x_p), \quad S = L^{-T} (1 + U S_p U^T) L^{-1}
+
+are what remains for the parent, the limb's own unknowns, and their block of the inverse (Takahashi, Fagan and Chin
+1973): the time grows with the number of limbs, not with its cube.
 """
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
+import numpy as np
+
 from skelgen._kernels import kernel, kernel_part
+from skelgen._kernels.least_squares import write_inverse_root
 from skelgen._kernels.rotations import turn_axes
 from skelgen._kernels.small_matrices import (
     Vector,
@@ -28,6 +40,9 @@ from skelgen.model.arrays import Floats, Ints
 
 N_FREEDOMS = 6
 
+STEPS = 3
+"""Gauss-Newton steps per fit: from the pose predicted by the last frame, three are enough."""
+
 
 class SpringBody(NamedTuple):
     """A skeleton with its markers.
@@ -40,8 +55,10 @@ class SpringBody(NamedTuple):
         Markers in the frames of their limbs.
     variances : ndarray, shape (n_markers,), mm^2
         Of each marker, per coordinate.
+    roots : ndarray of intp, shape (n_roots,)
+        Limbs without a parent.
     joints : ndarray of intp, shape (n_joints, 2)
-        Parent and child of each joint.
+        Parent and child of each joint, from the roots outward; each limb is the child of one at most.
     places : ndarray, shape (n_joints, 6), mm
         The joint in the frames of the parent and of the child.
     """
@@ -49,8 +66,48 @@ class SpringBody(NamedTuple):
     limbs: Ints
     offsets: Floats
     variances: Floats
+    roots: Ints
     joints: Ints
     places: Floats
+
+
+class Springs(NamedTuple):
+    """What holds limbs besides their markers.
+
+    Attributes
+    ----------
+    prior : ndarray, shape (n_limbs, 6), 1/rad^2 and 1/mm^2
+        How firmly each limb stays where it is.
+    stiffness : ndarray, shape (n_joints,), 1/rad^2
+        How firmly each joint keeps its angle.
+    weight : float, 1/mm^2
+        How firmly joints keep limbs together.
+    """
+
+    prior: Floats
+    stiffness: Floats
+    weight: float
+
+
+class NormalEquations(NamedTuple):
+    """Normal equations of all limbs' poses, by blocks.
+
+    Attributes
+    ----------
+    limbs : ndarray, shape (n_limbs, 6, 6)
+        Block of each limb; lost when they are solved.
+    joints : ndarray, shape (n_joints, 6, 6)
+        Blocks that limbs share, rows of the child and columns of the parent; when they are solved, U.
+    gradient : ndarray, shape (n_limbs, 6)
+        Right-hand side; when they are solved, the unknowns.
+    inverse_roots : ndarray, shape (n_limbs, 6, 6)
+        When they are solved, the inverse lower root of each limb's block.
+    """
+
+    limbs: Floats
+    joints: Floats
+    gradient: Floats
+    inverse_roots: Floats
 
 
 class LimbPoses(NamedTuple):
@@ -87,7 +144,51 @@ class SeenMarkers(NamedTuple):
 
 
 @kernel
-def add_markers(body: SpringBody, poses: LimbPoses, seen: SeenMarkers, normal: Floats, gradient: Floats) -> None:
+def fit_poses(
+    body: SpringBody, springs: Springs, seen: SeenMarkers, poses: LimbPoses, equations: NormalEquations, inverse: Floats
+) -> None:
+    """Fit poses to the points of markers.
+
+    Parameters
+    ----------
+    body : SpringBody
+        The skeleton.
+    springs : Springs
+        What holds its limbs besides.
+    seen : SeenMarkers
+        What was measured; the first step is not robust.
+    poses : LimbPoses
+        Where the skeleton is thought to be; the limbs are moved.
+    equations : NormalEquations
+        Room to work in.
+    inverse : ndarray, shape (n_limbs, 6, 6)
+        Receives each limb's block of the inverse normal matrix.
+    """
+    for step in range(STEPS):
+        _begin(equations, springs.prior)
+        add_markers(body, poses, seen, np.inf if step == 0 else seen.robust, equations)
+        add_joints(body, poses, springs, equations)
+        solve(body, equations)
+        move_limbs(poses, equations.gradient)
+    invert(body, equations, inverse)
+
+
+@kernel_part
+def _begin(equations: NormalEquations, prior: Floats) -> None:
+    """Write the equations of limbs that nothing else holds."""
+    for limb in range(len(prior)):
+        _clear(equations.limbs[limb])
+        for i in range(N_FREEDOMS):
+            equations.gradient[limb, i] = 0.0
+            equations.limbs[limb, i, i] = prior[limb, i]
+    for joint in range(len(equations.joints)):
+        _clear(equations.joints[joint])
+
+
+@kernel
+def add_markers(
+    body: SpringBody, poses: LimbPoses, seen: SeenMarkers, robust: float, equations: NormalEquations
+) -> None:
     """Add what the points of markers say to the normal equations.
 
     Parameters
@@ -98,8 +199,10 @@ def add_markers(body: SpringBody, poses: LimbPoses, seen: SeenMarkers, normal: F
         Where it is.
     seen : SeenMarkers
         What was measured.
-    normal, gradient : ndarray, shapes (6 n_limbs, 6 n_limbs) and (6 n_limbs,)
-        Receive the sums; of the matrix the upper half and the diagonal blocks.
+    robust : float
+        As in `SeenMarkers`, of which it is not read.
+    equations : NormalEquations
+        Receive the sums.
     """
     for point in range(len(seen.points)):
         marker = seen.markers[point]
@@ -107,16 +210,13 @@ def add_markers(body: SpringBody, poses: LimbPoses, seen: SeenMarkers, normal: F
         arm = turned(block(poses.rotations[limb], 0, 0), vector(body.offsets, marker, 0))
         error = minus(vector(seen.points, point, 0), plus(arm, vector(poses.origins, limb, 0)))
         weight = 1.0 / variance
-        weight /= (1.0 + dot(error, error) / (variance * seen.robust**2)) ** 2
-        first = N_FREEDOMS * limb
-        _add_block(normal, first, first, weight, (arm, arm))
-        _add_gradient(gradient, first, weight, (arm, error))
+        weight /= (1.0 + dot(error, error) / (variance * robust**2)) ** 2
+        _add_block(equations.limbs[limb], weight, (arm, arm))
+        _add_gradient(equations.gradient[limb], weight, (arm, error))
 
 
 @kernel
-def add_joints(
-    body: SpringBody, poses: LimbPoses, stiffness: Floats, weight: float, normal: Floats, gradient: Floats
-) -> None:
+def add_joints(body: SpringBody, poses: LimbPoses, springs: Springs, equations: NormalEquations) -> None:
     """Add the springs of the joints to the normal equations.
 
     Parameters
@@ -125,59 +225,162 @@ def add_joints(
         The skeleton.
     poses : LimbPoses
         Where it is.
-    stiffness : ndarray, shape (n_joints,), 1/rad^2
-        How firmly each joint keeps its angle.
-    weight : float, 1/mm^2
-        How firmly joints keep limbs together.
-    normal, gradient : ndarray, shapes (6 n_limbs, 6 n_limbs) and (6 n_limbs,)
-        Receive the sums; of the matrix the upper half and the diagonal blocks.
+    springs : Springs
+        How firmly joints hold.
+    equations : NormalEquations
+        Receive the sums.
     """
+    weight = springs.weight
     for joint in range(len(body.joints)):
         parent, child = body.joints[joint, 0], body.joints[joint, 1]
         arm = turned(block(poses.rotations[parent], 0, 0), vector(body.places, joint, 0))
         other = turned(block(poses.rotations[child], 0, 0), vector(body.places, joint, 3))
         reached = plus(vector(poses.origins, parent, 0), arm)
         apart = minus(plus(vector(poses.origins, child, 0), other), reached)
-        first, second = N_FREEDOMS * parent, N_FREEDOMS * child
-        _add_block(normal, first, first, weight, (arm, arm))
-        _add_block(normal, second, second, weight, (other, other))
-        if parent < child:
-            _add_block(normal, first, second, -weight, (arm, other))
-        else:
-            _add_block(normal, second, first, -weight, (other, arm))
+        _add_block(equations.limbs[parent], weight, (arm, arm))
+        _add_block(equations.limbs[child], weight, (other, other))
+        _add_block(equations.joints[joint], -weight, (other, arm))
         for i in range(3):
-            normal[first + i, first + i] += stiffness[joint]
-            normal[second + i, second + i] += stiffness[joint]
-            normal[min(first, second) + i, max(first, second) + i] -= stiffness[joint]
-        _add_gradient(gradient, first, weight, (arm, apart))
-        _add_gradient(gradient, second, -weight, (other, apart))
+            equations.limbs[parent, i, i] += springs.stiffness[joint]
+            equations.limbs[child, i, i] += springs.stiffness[joint]
+            equations.joints[joint, i, i] -= springs.stiffness[joint]
+        _add_gradient(equations.gradient[parent], weight, (arm, apart))
+        _add_gradient(equations.gradient[child], -weight, (other, apart))
 
 
 @kernel_part
-def _add_block(normal: Floats, row: int, column: int, weight: float, arms: tuple[Vector, Vector]) -> None:
+def _add_block(normal: Floats, weight: float, arms: tuple[Vector, Vector]) -> None:
     """Add the weighted product of the derivatives of two points, [-[a]x 1]^T [-[b]x 1]."""
     a, b = arms
     along = dot(a, b)
     for i in range(3):
         for j in range(3):
-            normal[row + i, column + j] -= weight * b[i] * a[j]
-        normal[row + i, column + i] += weight * along
-        normal[row + 3 + i, column + 3 + i] += weight
+            normal[i, j] -= weight * b[i] * a[j]
+        normal[i, i] += weight * along
+        normal[3 + i, 3 + i] += weight
         j, k = (i + 1) % 3, (i + 2) % 3
-        normal[row + j, column + 3 + k] -= weight * a[i]
-        normal[row + k, column + 3 + j] += weight * a[i]
-        normal[row + 3 + k, column + j] -= weight * b[i]
-        normal[row + 3 + j, column + k] += weight * b[i]
+        normal[j, 3 + k] -= weight * a[i]
+        normal[k, 3 + j] += weight * a[i]
+        normal[3 + k, j] -= weight * b[i]
+        normal[3 + j, k] += weight * b[i]
 
 
 @kernel_part
-def _add_gradient(gradient: Floats, first: int, weight: float, vectors: tuple[Vector, Vector]) -> None:
+def _add_gradient(gradient: Floats, weight: float, vectors: tuple[Vector, Vector]) -> None:
     """Add the weighted product of a point's derivative with its error."""
     arm, error = vectors
     moment = cross(arm, error)
     for i in range(3):
-        gradient[first + i] += weight * moment[i]
-        gradient[first + 3 + i] += weight * error[i]
+        gradient[i] += weight * moment[i]
+        gradient[3 + i] += weight * error[i]
+
+
+@kernel
+def solve(body: SpringBody, equations: NormalEquations) -> None:
+    """Solve the normal equations.
+
+    Parameters
+    ----------
+    body : SpringBody
+        The skeleton.
+    equations : NormalEquations
+        Receive the solution, and the factors.
+    """
+    for joint in range(len(body.joints) - 1, -1, -1):
+        _eliminate(body.joints[joint, 1], body.joints[joint, 0], equations.joints[joint], equations)
+    for root in body.roots:
+        write_inverse_root(equations.limbs[root], equations.inverse_roots[root])
+        _by_lower(equations.inverse_roots[root], equations.gradient[root])
+        _by_upper(equations.inverse_roots[root], equations.gradient[root])
+    for joint in range(len(body.joints)):
+        parent, child = body.joints[joint, 0], body.joints[joint, 1]
+        for i in range(N_FREEDOMS):
+            for k in range(N_FREEDOMS):
+                equations.gradient[child, i] -= equations.joints[joint, i, k] * equations.gradient[parent, k]
+        _by_upper(equations.inverse_roots[child], equations.gradient[child])
+
+
+@kernel_part
+def _eliminate(child: int, parent: int, shared: Floats, equations: NormalEquations) -> None:
+    """Take a limb out of the equations of its parent."""
+    root, gradient = equations.inverse_roots[child], equations.gradient[child]
+    write_inverse_root(equations.limbs[child], root)
+    _by_lower(root, gradient)
+    for i in range(N_FREEDOMS - 1, -1, -1):
+        for j in range(N_FREEDOMS):
+            total = 0.0
+            for k in range(i + 1):
+                total += root[i, k] * shared[k, j]
+            shared[i, j] = total
+    for k in range(N_FREEDOMS):
+        for i in range(N_FREEDOMS):
+            equations.gradient[parent, i] -= shared[k, i] * gradient[k]
+    _add_product(shared, shared, -1.0, equations.limbs[parent])
+
+
+@kernel_part
+def _by_lower(root: Floats, values: Floats) -> None:
+    """Multiply a vector by a lower triangle."""
+    for i in range(N_FREEDOMS - 1, -1, -1):
+        total = 0.0
+        for k in range(i + 1):
+            total += root[i, k] * values[k]
+        values[i] = total
+
+
+@kernel_part
+def _by_upper(root: Floats, values: Floats) -> None:
+    """Multiply a vector by a transposed lower triangle."""
+    for i in range(N_FREEDOMS):
+        total = 0.0
+        for k in range(i, N_FREEDOMS):
+            total += root[k, i] * values[k]
+        values[i] = total
+
+
+@kernel
+def invert(body: SpringBody, equations: NormalEquations, inverse: Floats) -> None:
+    """Write each limb's block of the inverse normal matrix.
+
+    Parameters
+    ----------
+    body : SpringBody
+        The skeleton.
+    equations : NormalEquations
+        As `solve` leaves them; the limbs' blocks serve as room.
+    inverse : ndarray, shape (n_limbs, 6, 6)
+        Receives the blocks.
+    """
+    for root in body.roots:
+        _clear(inverse[root])
+        _add_product(equations.inverse_roots[root], equations.inverse_roots[root], 1.0, inverse[root])
+    for joint in range(len(body.joints)):
+        parent, child = body.joints[joint, 0], body.joints[joint, 1]
+        root, along, moved = equations.inverse_roots[child], equations.limbs[child], equations.limbs[parent]
+        _clear(along)
+        _clear(moved)
+        _clear(inverse[child])
+        _add_product(equations.joints[joint], root, 1.0, along)
+        _add_product(inverse[parent], along, 1.0, moved)
+        _add_product(root, root, 1.0, inverse[child])
+        _add_product(along, moved, 1.0, inverse[child])
+
+
+@kernel_part
+def _clear(block: Floats) -> None:
+    """Write zeros."""
+    for i in range(N_FREEDOMS):
+        for j in range(N_FREEDOMS):
+            block[i, j] = 0.0
+
+
+@kernel_part
+def _add_product(first: Floats, second: Floats, factor: float, out: Floats) -> None:
+    """Add first^T second."""
+    for i in range(N_FREEDOMS):
+        for j in range(N_FREEDOMS):
+            for k in range(N_FREEDOMS):
+                out[i, j] += factor * first[k, i] * second[k, j]
 
 
 @kernel
@@ -188,14 +391,13 @@ def move_limbs(poses: LimbPoses, change: Floats) -> None:
     ----------
     poses : LimbPoses
         Where they are; they are moved.
-    change : ndarray, shape (6 n_limbs,)
+    change : ndarray, shape (n_limbs, 6)
         Rotation vector [rad] and shift [mm] of each.
     """
     for limb in range(len(poses.origins)):
-        first = N_FREEDOMS * limb
-        turn_axes(poses.rotations[limb], (change[first], change[first + 1], change[first + 2]))
+        turn_axes(poses.rotations[limb], vector(change, limb, 0))
         for axis in range(3):
-            poses.origins[limb, axis] += change[first + 3 + axis]
+            poses.origins[limb, axis] += change[limb, 3 + axis]
 
 
 @kernel
@@ -208,8 +410,8 @@ def predict_markers(body: SpringBody, poses: LimbPoses, inverse: Floats, positio
         The skeleton.
     poses : LimbPoses
         Where it is.
-    inverse : ndarray, shape (6 n_limbs, 6 n_limbs)
-        Of the normal matrix; the upper half is read.
+    inverse : ndarray, shape (n_limbs, 6, 6)
+        Of the normal matrix, each limb's block; the upper half is read.
     positions : ndarray, shape (n_markers, 3), mm
         Receives the places.
     spread : ndarray, shape (n_markers, 3, 3), mm^2
@@ -218,9 +420,8 @@ def predict_markers(body: SpringBody, poses: LimbPoses, inverse: Floats, positio
     for marker in range(len(positions)):
         limb = body.limbs[marker]
         arm = turned(block(poses.rotations[limb], 0, 0), vector(body.offsets, marker, 0))
-        first = N_FREEDOMS * limb
-        turn, across = whole(upper_half(block(inverse, first, first))), block(inverse, first, first + 3)
-        shift = whole(upper_half(block(inverse, first + 3, first + 3)))
+        turn, across = whole(upper_half(block(inverse[limb], 0, 0))), block(inverse[limb], 0, 3)
+        shift = whole(upper_half(block(inverse[limb], 3, 3)))
         columns = transposed(cross_matrix(arm))
         mixed = product(columns, across)
         turning = product(product(columns, turn), transposed(columns))

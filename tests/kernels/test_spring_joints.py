@@ -1,4 +1,4 @@
-"""Limbs with joints like springs: normal equations against differences, steps and covariances against matrices."""
+"""Limbs with joints like springs: normal equations against differences, solutions and covariances against matrices."""
 
 from __future__ import annotations
 
@@ -7,27 +7,33 @@ import pytest
 
 from skelgen._kernels.spring_joints import (
     LimbPoses,
+    NormalEquations,
     SeenMarkers,
     SpringBody,
+    Springs,
     add_joints,
     add_markers,
+    fit_poses,
+    invert,
     move_limbs,
     predict_markers,
+    solve,
 )
 from skelgen.geometry.rotations import cross_matrix, matrix_from_vector
 
 N_LIMBS = 3
 STEP = 1e-6  # rad and mm
 BY_DIFFERENCES = 1e-6  # of central differences with this step
-WEIGHT, STIFFNESS, ROBUST = 4.0, np.array([9.0, 25.0]), 2.0
+SPRINGS, ROBUST = Springs(np.ones((N_LIMBS, 6)), np.array([9.0, 25.0]), 4.0), 2.0
 
 
 @pytest.fixture
 def body() -> SpringBody:
     """Three limbs, of which the second hangs at the third and the third at the first, with five markers."""
     rng = np.random.default_rng(0)
-    limbs, joints = np.array([0, 0, 1, 2, 2]), np.array([[2, 1], [0, 2]])
-    return SpringBody(limbs, rng.normal(size=(5, 3)), np.arange(1.0, 6.0), joints, rng.normal(size=(2, 6)))
+    limbs, joints = np.array([0, 0, 1, 2, 2]), np.array([[0, 2], [2, 1]])
+    variances, roots = np.arange(1.0, 6.0), np.array([0])
+    return SpringBody(limbs, rng.normal(size=(5, 3)), variances, roots, joints, rng.normal(size=(2, 6)))
 
 
 def random_poses(seed: int = 1) -> LimbPoses:
@@ -51,32 +57,38 @@ def derivative(function, poses: LimbPoses) -> np.ndarray:
     return np.array([(function(moved(poses, step)) - function(moved(poses, -step))) / (2 * STEP) for step in steps]).T
 
 
-def equations() -> tuple[np.ndarray, np.ndarray]:
-    return np.zeros((6 * N_LIMBS, 6 * N_LIMBS)), np.zeros(6 * N_LIMBS)
+def equations(n_limbs: int = N_LIMBS, n_joints: int = 2) -> NormalEquations:
+    shapes = (n_limbs, 6, 6), (n_joints, 6, 6), (n_limbs, 6), (n_limbs, 6, 6)
+    return NormalEquations(*map(np.zeros, shapes))
 
 
-def whole(normal: np.ndarray) -> np.ndarray:
-    return np.triu(normal) + np.triu(normal, 1).T
+def whole(normal: NormalEquations, joints: np.ndarray) -> np.ndarray:
+    n_limbs = len(normal.limbs)
+    out = np.zeros((n_limbs, 6, n_limbs, 6))
+    out[np.arange(n_limbs), :, np.arange(n_limbs)] = normal.limbs
+    for block, (parent, child) in zip(normal.joints, joints, strict=True):
+        out[child, :, parent], out[parent, :, child] = block, block.T
+    return out.reshape(6 * n_limbs, -1)
 
 
 @pytest.mark.parametrize("robust", [np.inf, ROBUST])
 def test_equations_of_markers_are_those_of_their_derivatives(body, robust):
     poses, markers = random_poses(), np.array([4, 0, 2])
     points = places(poses, body.limbs, body.offsets)[markers] + np.random.default_rng(2).normal(size=(3, 3))
-    normal, gradient = equations()
-    add_markers(body, poses, SeenMarkers(points, markers, robust), normal, gradient)
+    normal = equations()
+    add_markers(body, poses, SeenMarkers(points, markers, ROBUST), robust, normal)
     error = points - places(poses, body.limbs, body.offsets)[markers]
     weights = (1 + (error**2).sum(axis=1) / (body.variances[markers] * robust**2)) ** -2 / body.variances[markers]
     by_pose = derivative(lambda at: places(at, body.limbs, body.offsets)[markers].ravel(), poses)
     weighted = by_pose.T * np.repeat(weights, 3)
-    np.testing.assert_allclose(whole(normal), weighted @ by_pose, atol=BY_DIFFERENCES)
-    np.testing.assert_allclose(gradient, weighted @ error.ravel(), atol=BY_DIFFERENCES)
+    np.testing.assert_allclose(whole(normal, body.joints), weighted @ by_pose, atol=BY_DIFFERENCES)
+    np.testing.assert_allclose(normal.gradient.ravel(), weighted @ error.ravel(), atol=BY_DIFFERENCES)
 
 
 def test_equations_of_joints_are_those_of_their_derivatives(body):
     poses = random_poses()
-    normal, gradient = equations()
-    add_joints(body, poses, STIFFNESS, WEIGHT, normal, gradient)
+    normal = equations()
+    add_joints(body, poses, SPRINGS, normal)
 
     def apart(at: LimbPoses) -> np.ndarray:
         parents, children = body.joints.T
@@ -87,28 +99,54 @@ def test_equations_of_joints_are_those_of_their_derivatives(body):
     for joint, (parent, child) in enumerate(body.joints):
         turns[joint, :, child, :3], turns[joint, :, parent, :3] = np.eye(3), -np.eye(3)
     turns = turns.reshape(6, -1)
-    expected = WEIGHT * by_pose.T @ by_pose + (turns.T * np.repeat(STIFFNESS, 3)) @ turns
-    np.testing.assert_allclose(whole(normal), expected, atol=10 * BY_DIFFERENCES)
-    np.testing.assert_allclose(gradient, -WEIGHT * by_pose.T @ apart(poses), atol=10 * BY_DIFFERENCES)
+    expected = SPRINGS.weight * by_pose.T @ by_pose + (turns.T * np.repeat(SPRINGS.stiffness, 3)) @ turns
+    np.testing.assert_allclose(whole(normal, body.joints), expected, atol=10 * BY_DIFFERENCES)
+    np.testing.assert_allclose(normal.gradient.ravel(), -SPRINGS.weight * by_pose.T @ apart(poses), atol=10 * BY_DIFFERENCES)
+
+
+@pytest.mark.parametrize("joints", [[[0, 2], [2, 1], [0, 3]], [[4, 0], [1, 3]], []])
+def test_trees_are_solved_as_whole_matrices_are(body, joints):
+    rng, joints = np.random.default_rng(5), np.reshape(joints, (-1, 2)).astype(np.intp)
+    trees = body._replace(joints=joints, roots=np.setdiff1d(np.arange(5), joints[:, 1]))
+    normal = equations(5, len(joints))
+    normal.joints[:] = rng.normal(size=normal.joints.shape)
+    normal.limbs[:] = 40 * np.eye(6)  # more than all rows of the others
+    normal.gradient[:] = rng.normal(size=normal.gradient.shape)
+    matrix, gradient = whole(normal, joints), normal.gradient.ravel().copy()
+    inverse, found = np.linalg.inv(matrix).reshape(5, 6, 5, 6), np.empty((5, 6, 6))
+    solve(trees, normal)
+    np.testing.assert_allclose(normal.gradient.ravel(), np.linalg.solve(matrix, gradient), atol=1e-14)
+    invert(trees, normal, found)
+    np.testing.assert_allclose(found, inverse[np.arange(5), :, np.arange(5)], atol=1e-14)
+
+
+def test_a_body_is_brought_to_where_its_markers_are(body):
+    true, rng = random_poses(), np.random.default_rng(6)
+    free = SPRINGS._replace(prior=np.full((N_LIMBS, 6), 1e-9), stiffness=np.full(2, 1e-9), weight=1e-9)
+    limbs = np.repeat(np.arange(N_LIMBS), 4)
+    held = body._replace(limbs=limbs, offsets=rng.normal(size=(12, 3)), variances=np.ones(12))
+    start = moved(true, 0.01 * rng.normal(size=6 * N_LIMBS))
+    points = places(true, limbs, held.offsets)
+    fit_poses(held, free, SeenMarkers(points, np.arange(12), 4.0), start, equations(), np.empty((N_LIMBS, 6, 6)))
+    np.testing.assert_allclose(places(start, limbs, held.offsets), points, atol=1e-7)
 
 
 def test_limbs_turn_about_the_axes_of_the_world_and_shift():
     poses, change = random_poses(), np.random.default_rng(3).normal(size=6 * N_LIMBS)
     change[:3] = 0.0  # one does not turn
     expected = moved(poses, change)
-    move_limbs(poses, change)
+    move_limbs(poses, change.reshape(-1, 6))
     np.testing.assert_allclose(poses.rotations, expected.rotations, atol=1e-14)
     np.testing.assert_allclose(poses.origins, expected.origins, atol=1e-14)
 
 
 def test_markers_are_predicted_with_the_covariance_of_their_limb_and_their_own(body):
-    poses, root = random_poses(), np.random.default_rng(4).normal(size=(6 * N_LIMBS, 6 * N_LIMBS))
-    covariance = root @ root.T
+    poses, root = random_poses(), np.random.default_rng(4).normal(size=(N_LIMBS, 6, 6))
+    covariance = root @ root.swapaxes(1, 2)
     positions, spread = np.empty((5, 3)), np.empty((5, 3, 3))
     predict_markers(body, poses, np.triu(covariance), positions, spread)
     np.testing.assert_allclose(positions, places(poses, body.limbs, body.offsets), atol=1e-14)
     for marker, limb in enumerate(body.limbs):
-        own = covariance[6 * limb : 6 * limb + 6, 6 * limb : 6 * limb + 6]
         by_pose = np.hstack([-cross_matrix(poses.rotations[limb] @ body.offsets[marker]), np.eye(3)])
-        expected = by_pose @ own @ by_pose.T + body.variances[marker] * np.eye(3)
+        expected = by_pose @ covariance[limb] @ by_pose.T + body.variances[marker] * np.eye(3)
         np.testing.assert_allclose(spread[marker], expected, atol=1e-12)

@@ -10,30 +10,28 @@ all limbs minimise
 
 the squared residuals of markers, joints and relative rotations, by a few Gauss-Newton steps with robust weights. By the
 last sum a limb that shows no marker keeps its angle to the parent; the variance :math:`s_j^2` grows while nothing is
-seen. The inverse of the normal matrix gives the covariance of each predicted marker.
+seen. The inverse of the normal matrix gives the covariance of each predicted marker. Joints that close loops are left
+out: what remains is a tree, which is solved in a time that grows with the number of limbs.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg.lapack import dpotrf, dpotri, dpotrs
 
 from skelgen._kernels import contiguous
 from skelgen._kernels.spring_joints import (
+    N_FREEDOMS,
     LimbPoses,
+    NormalEquations,
     SeenMarkers,
     SpringBody,
-    add_joints,
-    add_markers,
+    Springs,
+    fit_poses,
     move_limbs,
     predict_markers,
 )
-from skelgen.geometry.rotations import matrix_from_vector
 from skelgen.model import Skeleton
 from skelgen.model.arrays import Bools, Floats, Ints
-
-STEPS = 3
-"""Gauss-Newton steps per fit: from the pose predicted by the last frame, three are enough."""
 
 ROBUST = 4.0
 """A marker that deviates by so many standard deviations has lost three quarters of its weight."""
@@ -105,14 +103,15 @@ class PoseFilter:
         self.joint_deviation = JOINT_SHARE * float(np.median(self.deviation))
         joints = np.stack([self.parents, self.children], axis=1)
         places = np.concatenate([self.at_parent, self.at_child], axis=1)
-        self._body = SpringBody(*contiguous(self.limb, self.offsets, self.deviation**2, joints, places))
-        prior = np.zeros((self.n_limbs, 6))
-        prior[self.roots] = np.repeat([(self.size / ROOT_STRAY) ** 2, ROOT_STRAY**-2], 3)
-        self._prior = np.diag(prior.ravel())
+        self._body = SpringBody(*contiguous(self.limb, self.offsets, self.deviation**2, self.roots, joints, places))
+        self._prior = np.zeros((self.n_limbs, N_FREEDOMS))
+        self._prior[self.roots] = np.repeat([(self.size / ROOT_STRAY) ** 2, ROOT_STRAY**-2], 3)
+        block = (N_FREEDOMS, N_FREEDOMS)
+        of_limbs, of_joints = (self.n_limbs, *block), (len(joints), *block)
+        self._room = NormalEquations(*map(np.empty, (of_limbs, of_joints, self._prior.shape, of_limbs)))
         self.rotations: Floats = self.reference[:, :3, :3].copy()
         self.origins: Floats = self.reference[:, :3, 3].copy()
-        self._rotation_steps: Floats = np.zeros((self.n_limbs, 3))
-        self._steps: Floats = np.zeros((self.n_limbs, 3))
+        self._steps: Floats = np.zeros((self.n_limbs, N_FREEDOMS))  # rotation vector and shift per frame
         self._spread: Floats = np.full(len(self.children), MOST_SPREAD**2)
         self._seen_spread: Floats = self._spread
 
@@ -137,7 +136,7 @@ class PoseFilter:
                 self.origins[child] = joint - self.rotations[child] @ at_child
         lost = np.isnan(self.origins[:, 0])
         self.rotations[lost], self.origins[lost] = np.eye(3), np.nanmean(self.origins, axis=0)
-        self._rotation_steps[:], self._steps[:] = 0.0, 0.0
+        self._steps[:] = 0.0
         self._spread[:] = MOST_SPREAD**2
 
     def load_kernels(self) -> None:
@@ -147,8 +146,9 @@ class PoseFilter:
     def advance(self, n_steps: int) -> None:
         """Predict the pose `n_steps` frames later."""
         fade = DAMPING * (1.0 - DAMPING**n_steps) / (1.0 - DAMPING)
-        self.rotations = matrix_from_vector(fade * self._rotation_steps) @ self.rotations
-        self.origins = self.origins + fade * self._steps
+        poses = LimbPoses(self.rotations.copy(), self.origins.copy())
+        move_limbs(poses, fade * self._steps)
+        self.rotations, self.origins = poses
         self._spread = np.minimum(self._spread + n_steps * TURN_NOISE**2, MOST_SPREAD**2)
 
     def fit(self, points: Floats, markers: Ints) -> PosePrediction:
@@ -161,20 +161,16 @@ class PoseFilter:
         markers : ndarray of intp, shape (n,)
             The marker of each.
         """
-        places, numbers = contiguous(points, markers)
-        seen = SeenMarkers(places, numbers, np.inf)
+        seen = SeenMarkers(*contiguous(points, markers), ROBUST)
         poses = LimbPoses(self.rotations.copy(), self.origins.copy())
-        factor: Floats = np.empty(0)
-        for step in range(STEPS):
-            normal, gradient = self._equations(seen if step == 0 else seen._replace(robust=ROBUST), poses)
-            factor, _ = dpotrf(normal.T, lower=1, overwrite_a=1)
-            move_limbs(poses, dpotrs(factor, gradient, lower=1)[0])
+        springs = Springs(self._prior, 1.0 / self._spread, self.joint_deviation**-2)
+        inverse = np.empty((self.n_limbs, N_FREEDOMS, N_FREEDOMS))
+        fit_poses(self._body, springs, seen, poses, self._room, inverse)
         self.rotations, self.origins = poses
-        inverse = dpotri(factor, lower=1, overwrite_c=1)[0]
-        turned = inverse.diagonal().reshape(self.n_limbs, 6)[self.children, :3]
+        turned = inverse.diagonal(axis1=1, axis2=2)[self.children, :3]
         self._seen_spread = turned.sum(axis=1) / 3
         predicted, spread = np.empty((self.n_markers, 3)), np.empty((self.n_markers, 3, 3))
-        predict_markers(self._body, poses, inverse.T, predicted, spread)
+        predict_markers(self._body, poses, inverse, predicted, spread)
         predicted[~self.carried] = np.nan
         return PosePrediction(predicted, _invertible(spread, self._body.variances))
 
@@ -192,21 +188,14 @@ class PoseFilter:
         """
         turned = self.rotations @ rotations.swapaxes(1, 2)
         antisymmetric = (turned - turned.swapaxes(1, 2)) / 2
-        rotation_steps = np.stack([antisymmetric[:, 2, 1], antisymmetric[:, 0, 2], antisymmetric[:, 1, 0]], axis=1)
-        self._rotation_steps, self._steps = rotation_steps / n_steps, (self.origins - origins) / n_steps
+        rotated = np.stack([antisymmetric[:, 2, 1], antisymmetric[:, 0, 2], antisymmetric[:, 1, 0]], axis=1)
+        self._steps = np.concatenate([rotated, self.origins - origins], axis=1) / n_steps
         self._spread = np.minimum(self._spread, self._seen_spread)
 
     def positions_of(self, markers: Ints) -> Floats:
         """Positions [mm] of some markers in the present pose, shape (n, 3)."""
         limb = self.limb[markers]
         return np.asarray((self.rotations[limb] @ self.offsets[markers, :, np.newaxis])[..., 0] + self.origins[limb])
-
-    def _equations(self, seen: SeenMarkers, poses: LimbPoses) -> tuple[Floats, Floats]:
-        """Upper half of the normal matrix and gradient, by rotation vectors [rad] and translations [mm]."""
-        normal, gradient = self._prior.copy(), np.zeros(len(self._prior))
-        add_markers(self._body, poses, seen, normal, gradient)
-        add_joints(self._body, poses, 1.0 / self._spread, self.joint_deviation**-2, normal, gradient)
-        return normal, gradient
 
 
 def _rows(vectors: list[Floats]) -> Floats:
