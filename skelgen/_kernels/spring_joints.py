@@ -1,15 +1,6 @@
-r"""Limbs that joints hold together like stiff springs: normal equations of their poses, steps, and predicted markers.
+"""Limbs that joints hold together like stiff springs: normal equations of their poses, steps, and predicted markers.
 
-For each limb the unknowns are a small rotation about the world's axes [rad] and a shift of its origin [mm]. Only limbs
-with a joint in common have a block of the normal matrix in common, so that a tree is eliminated from its leaves inward.
-With the block :math:`D = L L^T` of a limb whose children are eliminated, and :math:`C` that it shares with its parent,
-
-.. math::
-    U = L^{-1} C, \quad D_p \leftarrow D_p - U^T U, \quad
-    x = L^{-T} (L^{-1} g - U x_p), \quad S = L^{-T} (1 + U S_p U^T) L^{-1}
-
-are what remains for the parent, the limb's own unknowns, and their block of the inverse (Takahashi, Fagan and Chin
-1973): the time grows with the number of limbs, not with its cube.
+For each limb the unknowns are a small rotation about the world's axes [rad] and a shift of its origin [mm].
 """
 
 from __future__ import annotations
@@ -19,7 +10,6 @@ from typing import NamedTuple
 import numpy as np
 
 from skelgen._kernels import kernel, kernel_part
-from skelgen._kernels.least_squares import write_inverse_root
 from skelgen._kernels.rotations import turn_axes
 from skelgen._kernels.small_matrices import (
     Vector,
@@ -36,9 +26,8 @@ from skelgen._kernels.small_matrices import (
     vector,
     whole,
 )
+from skelgen._kernels.tree_equations import N_FREEDOMS, NormalEquations, Tree, clear, invert, solve
 from skelgen.model.arrays import Floats, Ints
-
-N_FREEDOMS = 6
 
 STEPS = 3
 """Gauss-Newton steps per fit: from the pose predicted by the last frame, three are enough."""
@@ -55,19 +44,16 @@ class SpringBody(NamedTuple):
         Markers in the frames of their limbs.
     variances : ndarray, shape (n_markers,), mm^2
         Of each marker, per coordinate.
-    roots : ndarray of intp, shape (n_roots,)
-        Limbs without a parent.
-    joints : ndarray of intp, shape (n_joints, 2)
-        Parent and child of each joint, from the roots outward; each limb is the child of one at most.
+    tree : Tree
+        Which limbs have a joint in common.
     places : ndarray, shape (n_joints, 6), mm
-        The joint in the frames of the parent and of the child.
+        Each joint in the frames of the parent and of the child.
     """
 
     limbs: Ints
     offsets: Floats
     variances: Floats
-    roots: Ints
-    joints: Ints
+    tree: Tree
     places: Floats
 
 
@@ -87,27 +73,6 @@ class Springs(NamedTuple):
     prior: Floats
     stiffness: Floats
     weight: float
-
-
-class NormalEquations(NamedTuple):
-    """Normal equations of all limbs' poses, by blocks.
-
-    Attributes
-    ----------
-    limbs : ndarray, shape (n_limbs, 6, 6)
-        Block of each limb; lost when they are solved.
-    joints : ndarray, shape (n_joints, 6, 6)
-        Blocks that limbs share, rows of the child and columns of the parent; when they are solved, U.
-    gradient : ndarray, shape (n_limbs, 6)
-        Right-hand side; when they are solved, the unknowns.
-    inverse_roots : ndarray, shape (n_limbs, 6, 6)
-        When they are solved, the inverse lower root of each limb's block.
-    """
-
-    limbs: Floats
-    joints: Floats
-    gradient: Floats
-    inverse_roots: Floats
 
 
 class LimbPoses(NamedTuple):
@@ -168,21 +133,21 @@ def fit_poses(
         _begin(equations, springs.prior)
         add_markers(body, poses, seen, np.inf if step == 0 else seen.robust, equations)
         add_joints(body, poses, springs, equations)
-        solve(body, equations)
+        solve(body.tree, equations)
         move_limbs(poses, equations.gradient)
-    invert(body, equations, inverse)
+    invert(body.tree, equations, inverse)
 
 
 @kernel_part
 def _begin(equations: NormalEquations, prior: Floats) -> None:
     """Write the equations of limbs that nothing else holds."""
     for limb in range(len(prior)):
-        _clear(equations.limbs[limb])
+        clear(equations.bodies[limb])
         for i in range(N_FREEDOMS):
             equations.gradient[limb, i] = 0.0
-            equations.limbs[limb, i, i] = prior[limb, i]
+            equations.bodies[limb, i, i] = prior[limb, i]
     for joint in range(len(equations.joints)):
-        _clear(equations.joints[joint])
+        clear(equations.joints[joint])
 
 
 @kernel
@@ -211,7 +176,7 @@ def add_markers(
         error = minus(vector(seen.points, point, 0), plus(arm, vector(poses.origins, limb, 0)))
         weight = 1.0 / variance
         weight /= (1.0 + dot(error, error) / (variance * robust**2)) ** 2
-        _add_block(equations.limbs[limb], weight, (arm, arm))
+        _add_block(equations.bodies[limb], weight, (arm, arm))
         _add_gradient(equations.gradient[limb], weight, (arm, error))
 
 
@@ -231,18 +196,18 @@ def add_joints(body: SpringBody, poses: LimbPoses, springs: Springs, equations: 
         Receive the sums.
     """
     weight = springs.weight
-    for joint in range(len(body.joints)):
-        parent, child = body.joints[joint, 0], body.joints[joint, 1]
+    for joint in range(len(body.tree.joints)):
+        parent, child = body.tree.joints[joint, 0], body.tree.joints[joint, 1]
         arm = turned(block(poses.rotations[parent], 0, 0), vector(body.places, joint, 0))
         other = turned(block(poses.rotations[child], 0, 0), vector(body.places, joint, 3))
         reached = plus(vector(poses.origins, parent, 0), arm)
         apart = minus(plus(vector(poses.origins, child, 0), other), reached)
-        _add_block(equations.limbs[parent], weight, (arm, arm))
-        _add_block(equations.limbs[child], weight, (other, other))
+        _add_block(equations.bodies[parent], weight, (arm, arm))
+        _add_block(equations.bodies[child], weight, (other, other))
         _add_block(equations.joints[joint], -weight, (other, arm))
         for i in range(3):
-            equations.limbs[parent, i, i] += springs.stiffness[joint]
-            equations.limbs[child, i, i] += springs.stiffness[joint]
+            equations.bodies[parent, i, i] += springs.stiffness[joint]
+            equations.bodies[child, i, i] += springs.stiffness[joint]
             equations.joints[joint, i, i] -= springs.stiffness[joint]
         _add_gradient(equations.gradient[parent], weight, (arm, apart))
         _add_gradient(equations.gradient[child], -weight, (other, apart))
@@ -273,114 +238,6 @@ def _add_gradient(gradient: Floats, weight: float, vectors: tuple[Vector, Vector
     for i in range(3):
         gradient[i] += weight * moment[i]
         gradient[3 + i] += weight * error[i]
-
-
-@kernel
-def solve(body: SpringBody, equations: NormalEquations) -> None:
-    """Solve the normal equations.
-
-    Parameters
-    ----------
-    body : SpringBody
-        The skeleton.
-    equations : NormalEquations
-        Receive the solution, and the factors.
-    """
-    for joint in range(len(body.joints) - 1, -1, -1):
-        _eliminate(body.joints[joint, 1], body.joints[joint, 0], equations.joints[joint], equations)
-    for root in body.roots:
-        write_inverse_root(equations.limbs[root], equations.inverse_roots[root])
-        _by_lower(equations.inverse_roots[root], equations.gradient[root])
-        _by_upper(equations.inverse_roots[root], equations.gradient[root])
-    for joint in range(len(body.joints)):
-        parent, child = body.joints[joint, 0], body.joints[joint, 1]
-        for i in range(N_FREEDOMS):
-            for k in range(N_FREEDOMS):
-                equations.gradient[child, i] -= equations.joints[joint, i, k] * equations.gradient[parent, k]
-        _by_upper(equations.inverse_roots[child], equations.gradient[child])
-
-
-@kernel_part
-def _eliminate(child: int, parent: int, shared: Floats, equations: NormalEquations) -> None:
-    """Take a limb out of the equations of its parent."""
-    root, gradient = equations.inverse_roots[child], equations.gradient[child]
-    write_inverse_root(equations.limbs[child], root)
-    _by_lower(root, gradient)
-    for i in range(N_FREEDOMS - 1, -1, -1):
-        for j in range(N_FREEDOMS):
-            total = 0.0
-            for k in range(i + 1):
-                total += root[i, k] * shared[k, j]
-            shared[i, j] = total
-    for k in range(N_FREEDOMS):
-        for i in range(N_FREEDOMS):
-            equations.gradient[parent, i] -= shared[k, i] * gradient[k]
-    _add_product(shared, shared, -1.0, equations.limbs[parent])
-
-
-@kernel_part
-def _by_lower(root: Floats, values: Floats) -> None:
-    """Multiply a vector by a lower triangle."""
-    for i in range(N_FREEDOMS - 1, -1, -1):
-        total = 0.0
-        for k in range(i + 1):
-            total += root[i, k] * values[k]
-        values[i] = total
-
-
-@kernel_part
-def _by_upper(root: Floats, values: Floats) -> None:
-    """Multiply a vector by a transposed lower triangle."""
-    for i in range(N_FREEDOMS):
-        total = 0.0
-        for k in range(i, N_FREEDOMS):
-            total += root[k, i] * values[k]
-        values[i] = total
-
-
-@kernel
-def invert(body: SpringBody, equations: NormalEquations, inverse: Floats) -> None:
-    """Write each limb's block of the inverse normal matrix.
-
-    Parameters
-    ----------
-    body : SpringBody
-        The skeleton.
-    equations : NormalEquations
-        As `solve` leaves them; the limbs' blocks serve as room.
-    inverse : ndarray, shape (n_limbs, 6, 6)
-        Receives the blocks.
-    """
-    for root in body.roots:
-        _clear(inverse[root])
-        _add_product(equations.inverse_roots[root], equations.inverse_roots[root], 1.0, inverse[root])
-    for joint in range(len(body.joints)):
-        parent, child = body.joints[joint, 0], body.joints[joint, 1]
-        root, along, moved = equations.inverse_roots[child], equations.limbs[child], equations.limbs[parent]
-        _clear(along)
-        _clear(moved)
-        _clear(inverse[child])
-        _add_product(equations.joints[joint], root, 1.0, along)
-        _add_product(inverse[parent], along, 1.0, moved)
-        _add_product(root, root, 1.0, inverse[child])
-        _add_product(along, moved, 1.0, inverse[child])
-
-
-@kernel_part
-def _clear(block: Floats) -> None:
-    """Write zeros."""
-    for i in range(N_FREEDOMS):
-        for j in range(N_FREEDOMS):
-            block[i, j] = 0.0
-
-
-@kernel_part
-def _add_product(first: Floats, second: Floats, factor: float, out: Floats) -> None:
-    """Add first^T second."""
-    for i in range(N_FREEDOMS):
-        for j in range(N_FREEDOMS):
-            for k in range(N_FREEDOMS):
-                out[i, j] += factor * first[k, i] * second[k, j]
 
 
 @kernel

@@ -7,21 +7,19 @@ import pytest
 
 from skelgen._kernels.spring_joints import (
     LimbPoses,
-    NormalEquations,
     SeenMarkers,
     SpringBody,
     Springs,
     add_joints,
     add_markers,
     fit_poses,
-    invert,
     move_limbs,
     predict_markers,
-    solve,
 )
+from skelgen._kernels.tree_equations import NormalEquations, Tree, invert, solve
 from skelgen.geometry.rotations import cross_matrix, matrix_from_vector
 
-N_LIMBS = 3
+N_LIMBS, N_BODIES = 3, 5
 STEP = 1e-6  # rad and mm
 BY_DIFFERENCES = 1e-6  # of central differences with this step
 SPRINGS, ROBUST = Springs(np.ones((N_LIMBS, 6)), np.array([9.0, 25.0]), 4.0), 2.0
@@ -31,9 +29,8 @@ SPRINGS, ROBUST = Springs(np.ones((N_LIMBS, 6)), np.array([9.0, 25.0]), 4.0), 2.
 def body() -> SpringBody:
     """Three limbs, of which the second hangs at the third and the third at the first, with five markers."""
     rng = np.random.default_rng(0)
-    limbs, joints = np.array([0, 0, 1, 2, 2]), np.array([[0, 2], [2, 1]])
-    variances, roots = np.arange(1.0, 6.0), np.array([0])
-    return SpringBody(limbs, rng.normal(size=(5, 3)), variances, roots, joints, rng.normal(size=(2, 6)))
+    limbs, tree = np.array([0, 0, 1, 2, 2]), Tree(np.array([0]), np.array([[0, 2], [2, 1]]))
+    return SpringBody(limbs, rng.normal(size=(5, 3)), np.arange(1.0, 6.0), tree, rng.normal(size=(2, 6)))
 
 
 def random_poses(seed: int = 1) -> LimbPoses:
@@ -57,18 +54,17 @@ def derivative(function, poses: LimbPoses) -> np.ndarray:
     return np.array([(function(moved(poses, step)) - function(moved(poses, -step))) / (2 * STEP) for step in steps]).T
 
 
-def equations(n_limbs: int = N_LIMBS, n_joints: int = 2) -> NormalEquations:
-    shapes = (n_limbs, 6, 6), (n_joints, 6, 6), (n_limbs, 6), (n_limbs, 6, 6)
-    return NormalEquations(*map(np.zeros, shapes))
+def equations() -> NormalEquations:
+    return NormalEquations(*map(np.zeros, ((N_LIMBS, 6, 6), (2, 6, 6), (N_LIMBS, 6), (N_LIMBS, 6, 6))))
 
 
-def whole(normal: NormalEquations, joints: np.ndarray) -> np.ndarray:
-    n_limbs = len(normal.limbs)
-    out = np.zeros((n_limbs, 6, n_limbs, 6))
-    out[np.arange(n_limbs), :, np.arange(n_limbs)] = normal.limbs
-    for block, (parent, child) in zip(normal.joints, joints, strict=True):
+def whole_matrix(equations: NormalEquations, tree: Tree) -> np.ndarray:
+    n_bodies = len(equations.bodies)
+    out = np.zeros((n_bodies, 6, n_bodies, 6))
+    out[np.arange(n_bodies), :, np.arange(n_bodies)] = equations.bodies
+    for block, (parent, child) in zip(equations.joints, tree.joints, strict=True):
         out[child, :, parent], out[parent, :, child] = block, block.T
-    return out.reshape(6 * n_limbs, -1)
+    return out.reshape(6 * n_bodies, -1)
 
 
 @pytest.mark.parametrize("robust", [np.inf, ROBUST])
@@ -81,7 +77,7 @@ def test_equations_of_markers_are_those_of_their_derivatives(body, robust):
     weights = (1 + (error**2).sum(axis=1) / (body.variances[markers] * robust**2)) ** -2 / body.variances[markers]
     by_pose = derivative(lambda at: places(at, body.limbs, body.offsets)[markers].ravel(), poses)
     weighted = by_pose.T * np.repeat(weights, 3)
-    np.testing.assert_allclose(whole(normal, body.joints), weighted @ by_pose, atol=BY_DIFFERENCES)
+    np.testing.assert_allclose(whole_matrix(normal, body.tree), weighted @ by_pose, atol=BY_DIFFERENCES)
     np.testing.assert_allclose(normal.gradient.ravel(), weighted @ error.ravel(), atol=BY_DIFFERENCES)
 
 
@@ -91,33 +87,35 @@ def test_equations_of_joints_are_those_of_their_derivatives(body):
     add_joints(body, poses, SPRINGS, normal)
 
     def apart(at: LimbPoses) -> np.ndarray:
-        parents, children = body.joints.T
+        parents, children = body.tree.joints.T
         return (places(at, children, body.places[:, 3:]) - places(at, parents, body.places[:, :3])).ravel()
 
     by_pose = derivative(apart, poses)
     turns = np.zeros((2, 3, N_LIMBS, 6))
-    for joint, (parent, child) in enumerate(body.joints):
+    for joint, (parent, child) in enumerate(body.tree.joints):
         turns[joint, :, child, :3], turns[joint, :, parent, :3] = np.eye(3), -np.eye(3)
     turns = turns.reshape(6, -1)
     expected = SPRINGS.weight * by_pose.T @ by_pose + (turns.T * np.repeat(SPRINGS.stiffness, 3)) @ turns
-    np.testing.assert_allclose(whole(normal, body.joints), expected, atol=10 * BY_DIFFERENCES)
-    np.testing.assert_allclose(normal.gradient.ravel(), -SPRINGS.weight * by_pose.T @ apart(poses), atol=10 * BY_DIFFERENCES)
+    np.testing.assert_allclose(whole_matrix(normal, body.tree), expected, atol=10 * BY_DIFFERENCES)
+    np.testing.assert_allclose(
+        normal.gradient.ravel(), -SPRINGS.weight * by_pose.T @ apart(poses), atol=10 * BY_DIFFERENCES
+    )
 
 
 @pytest.mark.parametrize("joints", [[[0, 2], [2, 1], [0, 3]], [[4, 0], [1, 3]], []])
-def test_trees_are_solved_as_whole_matrices_are(body, joints):
+def test_trees_are_solved_as_whole_matrices_are(joints):
     rng, joints = np.random.default_rng(5), np.reshape(joints, (-1, 2)).astype(np.intp)
-    trees = body._replace(joints=joints, roots=np.setdiff1d(np.arange(5), joints[:, 1]))
-    normal = equations(5, len(joints))
-    normal.joints[:] = rng.normal(size=normal.joints.shape)
-    normal.limbs[:] = 40 * np.eye(6)  # more than all rows of the others
-    normal.gradient[:] = rng.normal(size=normal.gradient.shape)
-    matrix, gradient = whole(normal, joints), normal.gradient.ravel().copy()
-    inverse, found = np.linalg.inv(matrix).reshape(5, 6, 5, 6), np.empty((5, 6, 6))
-    solve(trees, normal)
-    np.testing.assert_allclose(normal.gradient.ravel(), np.linalg.solve(matrix, gradient), atol=1e-14)
-    invert(trees, normal, found)
-    np.testing.assert_allclose(found, inverse[np.arange(5), :, np.arange(5)], atol=1e-14)
+    tree = Tree(np.setdiff1d(np.arange(N_BODIES), joints[:, 1]), joints)
+    blocks = 40 * np.tile(np.eye(6), (N_BODIES, 1, 1))  # more than all that bodies share
+    shared, gradient = rng.normal(size=(len(joints), 6, 6)), rng.normal(size=(N_BODIES, 6))
+    equations = NormalEquations(blocks, shared, gradient, np.empty(blocks.shape))
+    matrix, right = whole_matrix(equations, tree), gradient.ravel().copy()
+    inverse = np.linalg.inv(matrix).reshape(N_BODIES, 6, N_BODIES, 6)
+    solve(tree, equations)
+    np.testing.assert_allclose(gradient.ravel(), np.linalg.solve(matrix, right), atol=1e-14)
+    found = np.empty(blocks.shape)
+    invert(tree, equations, found)
+    np.testing.assert_allclose(found, inverse[np.arange(N_BODIES), :, np.arange(N_BODIES)], atol=1e-14)
 
 
 def test_a_body_is_brought_to_where_its_markers_are(body):

@@ -20,9 +20,7 @@ import numpy as np
 
 from skelgen._kernels import contiguous
 from skelgen._kernels.spring_joints import (
-    N_FREEDOMS,
     LimbPoses,
-    NormalEquations,
     SeenMarkers,
     SpringBody,
     Springs,
@@ -30,6 +28,7 @@ from skelgen._kernels.spring_joints import (
     move_limbs,
     predict_markers,
 )
+from skelgen._kernels.tree_equations import N_FREEDOMS, NormalEquations, Tree
 from skelgen.model import Skeleton
 from skelgen.model.arrays import Bools, Floats, Ints
 
@@ -101,13 +100,13 @@ class PoseFilter:
         usual = float(np.nanmedian(known)) if self.carried.any() else 0.0
         self.deviation = np.maximum(np.nan_to_num(known), max(usual, LEAST_DEVIATION * self.size))
         self.joint_deviation = JOINT_SHARE * float(np.median(self.deviation))
-        joints = np.stack([self.parents, self.children], axis=1)
+        tree = Tree(*contiguous(self.roots, np.stack([self.parents, self.children], axis=1)))
         places = np.concatenate([self.at_parent, self.at_child], axis=1)
-        self._body = SpringBody(*contiguous(self.limb, self.offsets, self.deviation**2, self.roots, joints, places))
+        self._body = SpringBody(*contiguous(self.limb, self.offsets, self.deviation**2), tree, *contiguous(places))
         self._prior = np.zeros((self.n_limbs, N_FREEDOMS))
         self._prior[self.roots] = np.repeat([(self.size / ROOT_STRAY) ** 2, ROOT_STRAY**-2], 3)
         block = (N_FREEDOMS, N_FREEDOMS)
-        of_limbs, of_joints = (self.n_limbs, *block), (len(joints), *block)
+        of_limbs, of_joints = (self.n_limbs, *block), (len(places), *block)
         self._room = NormalEquations(*map(np.empty, (of_limbs, of_joints, self._prior.shape, of_limbs)))
         self.rotations: Floats = self.reference[:, :3, :3].copy()
         self.origins: Floats = self.reference[:, :3, 3].copy()
