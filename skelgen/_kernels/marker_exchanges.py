@@ -153,7 +153,7 @@ def _write_explained(sums: Floats, spacing: float, gain: Floats) -> None:
 @kernel
 def _write_witnessed(gains: Floats, witnesses: Floats, told: Floats) -> None:
     for marker in range(len(gains)):
-        told[0, marker] = _told_by_best(gains[marker], witnesses)
+        told[0, marker] = told_by_best(gains[marker], witnesses)
         told[1, marker] = witnesses[0]
 
 
@@ -213,8 +213,16 @@ def _keep_best(best: Floats, value: float) -> None:
 
 
 @kernel_part
-def _told_by_best(gains: Floats, best: Floats) -> float:
-    """Sum of the best witnesses of one marker [nats]."""
+def told_by_best(gains: Floats, best: Floats) -> float:
+    """Sum of the best witnesses of one marker [nats].
+
+    Parameters
+    ----------
+    gains : ndarray, shape (n_markers,), nats
+        How well its distances are explained.
+    best : ndarray, shape (n_witnesses,)
+        Receives the best of them, the least first.
+    """
     best[:] = 0.0
     for value in gains:
         _keep_best(best, value)
@@ -284,7 +292,7 @@ def _best_span(
         told = max(inside, room.sides[-1] - inside) + EXISTENCE * _n_fewer(one, other, (first, end), distances.before)
         told += linked_in(one, other, (first, end), pauses, room.pauses)
         for side in range(2):
-            told += _told_by_best(room.rows[span, side], room.witnesses)
+            told += told_by_best(room.rows[span, side], room.witnesses)
         if told > most:
             best, most = span, told
     told, least = distances.witnessed[0], distances.witnessed[1]
@@ -301,7 +309,7 @@ def _told_if_exchanged(row: Floats, pair: tuple[int, int], new: tuple[float, flo
     """Sum of the best witnesses of another marker [nats]."""
     before = row[pair[0]], row[pair[1]]
     row[pair[0]], row[pair[1]] = new
-    told = _told_by_best(row, best)
+    told = told_by_best(row, best)
     row[pair[0]], row[pair[1]] = before
     return told
 

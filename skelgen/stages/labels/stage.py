@@ -36,7 +36,7 @@ from skelgen.stages.labels.merging.judging import better_labels, explains_more, 
 from skelgen.stages.labels.merging.leftovers import label_rest
 from skelgen.stages.labels.merging.limbs import PairTables, main_groups, measure_pairs, merge_on_limbs
 from skelgen.stages.labels.merging.markers import may_be_incomplete
-from skelgen.stages.labels.merging.turns import put_right
+from skelgen.stages.labels.merging.turns import put_right, with_alike_apart
 from skelgen.stages.labels.merging.windows import MOST_KEPT, merge_tracklets
 from skelgen.stages.labels.model_fit.refine import LabelTask, complete_markers, refine_labels
 from skelgen.stages.labels.parameters import LabelParameters
@@ -255,7 +255,7 @@ def _markers(task: LabelTask, monitor: Monitor) -> tuple[Ints, tuple[str, ...]]:
         found = better_labels(take, found, other)
     from skelgen.stages.labels.by_skeleton.again import label_again  # noqa: PLC0415 - it needs all stages
 
-    found = label_again(take, label_rest(take, found), task.seed, monitor)
+    found = label_again(take, label_rest(take, with_alike_apart(take, found)), task.seed, monitor)
     return found if task.n_markers is None else _most_seen(found, task.n_markers), fallen
 
 

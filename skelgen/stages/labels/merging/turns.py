@@ -7,17 +7,20 @@ next exchange: two markers that swapped their names can only be exchanged back w
 piece that is moved may be too short to speak in the evidence, or may speak against it; the first turn keeps such
 pieces, a later one in which nothing is gained is the last. When it is over, the same goes on with moments that count by
 how much the posture changes (`followed`): what is wrong in a posture that lasts is not moved before, as it speaks for
-itself too often, and with such moments alone there is too little evidence to begin with.
+itself too often, and with such moments alone there is too little evidence to begin with. The largest moves come at the
+end of all: parts that are alike, as both legs are, are exchanged (`alike_parts`), and what that opens is put right.
 """
 
 import math
 from dataclasses import replace
 
 from skelgen.model.arrays import Ints
+from skelgen.stages.labels.merging.alike_parts import exchange_alike
 from skelgen.stages.labels.merging.chains import push_pieces
 from skelgen.stages.labels.merging.exchanges import exchange_markers
 from skelgen.stages.labels.merging.followed import FollowedCloud
 from skelgen.stages.labels.merging.hidden_groups import match_hidden
+from skelgen.stages.labels.merging.judging import better_labels
 from skelgen.stages.labels.merging.leftovers import label_leftovers, move_pieces
 from skelgen.stages.labels.merging.markers import join_duplicates, merge_again
 
@@ -49,6 +52,31 @@ def put_right(take: FollowedCloud, marker_of_point: Ints) -> Ints:
     for judged in (take, replace(take, by_posture=True)) if looks_far else (take,):
         found = _in_turns(judged, found, looks_far)
     return label_leftovers(take, found, MOST_AGAINST)
+
+
+def with_alike_apart(take: FollowedCloud, marker_of_point: Ints) -> Ints:
+    """Exchange parts that are alike, a left and a right leg, and put right what that opens, while more is explained.
+
+    Parameters
+    ----------
+    take : FollowedCloud
+        The take.
+    marker_of_point : ndarray of intp, shape (n_points,)
+        Marker of each point, -1 for none.
+
+    Returns
+    -------
+    ndarray of intp, shape (n_points,)
+        Marker of each point, -1 for none, numbered without holes; the given array if nothing is exchanged.
+    """
+    found = marker_of_point
+    for _ in range(MOST_TURNS if not take.is_very_long else 0):
+        exchanged = exchange_alike(take, found)
+        right = found if exchanged is found else better_labels(take, found, put_right(take, exchanged))
+        if right is found:
+            break
+        found = right
+    return found
 
 
 def _in_turns(take: FollowedCloud, marker_of_point: Ints, looks_far: bool) -> Ints:

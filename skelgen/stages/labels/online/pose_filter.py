@@ -100,9 +100,10 @@ class PoseFilter:
         usual = float(np.nanmedian(known)) if self.carried.any() else 0.0
         self.deviation = np.maximum(np.nan_to_num(known), max(usual, LEAST_DEVIATION * self.size))
         self.joint_deviation = JOINT_SHARE * float(np.median(self.deviation))
-        tree = Tree(*contiguous(self.roots, np.stack([self.parents, self.children], axis=1)))
+        joints = np.stack([self.parents, self.children], axis=1)
         places = np.concatenate([self.at_parent, self.at_child], axis=1)
-        self._body = SpringBody(*contiguous(self.limb, self.offsets, self.deviation**2), tree, *contiguous(places))
+        limbs, offsets, variances, places = contiguous(self.limb, self.offsets, self.deviation**2, places)
+        self._body = SpringBody(limbs, offsets, variances, Tree(*contiguous(self.roots, joints)), places)
         self._prior = np.zeros((self.n_limbs, N_FREEDOMS))
         self._prior[self.roots] = np.repeat([(self.size / ROOT_STRAY) ** 2, ROOT_STRAY**-2], 3)
         block = (N_FREEDOMS, N_FREEDOMS)
@@ -160,7 +161,8 @@ class PoseFilter:
         markers : ndarray of intp, shape (n,)
             The marker of each.
         """
-        seen = SeenMarkers(*contiguous(points, markers), ROBUST)
+        places, numbers = contiguous(points, markers)
+        seen = SeenMarkers(places, numbers, ROBUST)
         poses = LimbPoses(self.rotations.copy(), self.origins.copy())
         springs = Springs(self._prior, 1.0 / self._spread, self.joint_deviation**-2)
         inverse = np.empty((self.n_limbs, N_FREEDOMS, N_FREEDOMS))
