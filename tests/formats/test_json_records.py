@@ -109,3 +109,17 @@ def test_numbers_of_frames_are_no_ids_of_people_or_points(put, refused):
 def test_images_of_two_films_are_no_people(put):
     records = [{"file_name": f"{n}.mp4", "index": f, "joints": PLACES[f]} for n in "ab" for f in range(5)]
     assert read_take(put("films.json", json.dumps(records))).positions.shape == (10, 2, 3)
+
+
+@pytest.mark.parametrize("n_people", [1, 2])
+def test_a_state_of_a_person_is_that_of_all_its_points(put, n_people):
+    """Of ZED, whose skeletons are guessed while it searches for them."""
+    states = [["OK", "OK"], ["OK", "SEARCHING"], ["SEARCHING", "OK"], ["OK", "OK"]]
+    points = np.random.default_rng(0).normal(size=(n_people, 4, 4, 3)).tolist()
+    frames = [
+        {"body_list": [{"id": k, "tracking_state": row[k], "keypoint": points[k][n]} for k in range(n_people)]}
+        for n, row in enumerate(states)
+    ]
+    take = read_take(put("zed.json", json.dumps({f"{n}": frame for n, frame in enumerate(frames)})))
+    expected = np.repeat(np.array(states) == "OK", 4, axis=1)[:, : 4 * n_people]
+    np.testing.assert_array_equal(take.seen, expected)
