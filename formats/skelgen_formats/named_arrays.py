@@ -123,9 +123,9 @@ def _stamps(arrays: Arrays, n_frames: int) -> Iterator[Stamps]:
     fitting = {key: array for key, array in (numbers | same).items() if array.shape == (n_frames,)}
     columns = [*fitting.values()]
     if clock := clock_of([key.rpartition(".")[2] for key in fitting]):
-        others = sum(columns[column] * seconds for column, seconds in clock.others)
+        seconds = columns[clock.column]
         second = 1.0 if [*fitting][clock.column] in dates else clock.second
-        yield since_first(columns[clock.column] + others, second)
+        yield since_first(seconds + clock.added(seconds, [columns[column] for column, _ in clock.others]), second)
 
 
 def _unflattened(key: str, array: NDArray[Any]) -> NDArray[Any]:
