@@ -43,7 +43,10 @@ _SPELT = (
     (re.compile(rf"(.+{BETWEEN}[xyz](?: ?[\[(]{LENGTH}[\])])?) ?[\[(](?:{_VERSION})[\])]", re.IGNORECASE), r"\1"),
     (re.compile(r"(.+)\[['\"]?([xyz])['\"]?\]", re.IGNORECASE), r"\1_\2"),  # knee['x']
     (re.compile(rf"(.+{BETWEEN})([xyz]){BETWEEN}(l|r|left|right)", re.IGNORECASE), r"\1\3_\2"),  # knee_x_L
-    *((re.compile(rf"(.*[tr]vec)[_ ]?[\[(]?{n}[\])]?", re.IGNORECASE), rf"\1_{axis}") for n, axis in enumerate(AXES)),
+    *(
+        (re.compile(rf"((?:.*{BETWEEN})?[tr]vec)[_ ]?[\[(]?{n}[\])]?", re.IGNORECASE), rf"\1_{axis}")
+        for n, axis in enumerate(AXES)
+    ),
     (re.compile(r"(.+?) ?\[[#-]?\]"), r"\1"),  # Sensor 1 Q0 []
     (re.compile(rf"(.+{BETWEEN}[xyz]) ?\((?:ap|ml|v|si|is|pd|lat|vert|up)\)", re.IGNORECASE), r"\1"),  # knee_X(AP)
     (re.compile(rf"(.+?) ?[\[(]({LENGTH})[\])]({BETWEEN}[xyz])", re.IGNORECASE), r"\1\3 [\2]"),  # knee_pos[m]_x
