@@ -86,7 +86,8 @@ class Clock:
             return total
         hours, minutes = others[:2]
         are_broken = (hours % 1.0 != 0.0) | (minutes % 1.0 != 0.0)
-        are_more = (minutes >= 60.0) | (seconds >= 61.0)  # 60 s may be rounded
+        is_minute = (seconds >= 60.0) & (hours * _HOUR + minutes * 60.0 == seconds // 60.0 * 60.0)
+        are_more = (minutes >= 60.0) | (seconds >= 61.0) | is_minute  # else 60 s are rounded
         added: _Number = total * (1 - (are_broken | are_more))
         return added
 

@@ -349,6 +349,8 @@ def _factor_and_rate(
     rate = options.recorded_rate
     if rate == AS_RECORDED_RATE and times is not None:
         rate = times.rate(notices)
+    if times is not None and rate != AS_RECORDED_RATE:
+        times.notice_skipped(notices)
     if rate == AS_RECORDED_RATE:
         rate = ASSUMED_RATE
         why = "the file states no frame rate" if times is None else "the times of the file tell no frame rate"
