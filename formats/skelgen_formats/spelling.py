@@ -140,7 +140,8 @@ def with_lone_weight(titles: Sequence[str], rows: Sequence[Sequence[str]], names
         with contextlib.suppress(ValueError, IndexError):
             lengths.append(math.hypot(*(float(row[at].replace(",", ".")) for at in columns[3:])))
     is_other = any(second) and any(first) and not {*filter(None, second)} <= {*first}
-    is_turn = not is_other and all(abs(one - 1.0) < _UNIT_TOLERANCE or one == 0.0 for one in lengths if one == one)  # noqa: PLR0124 - NaN
+    known = [one for one in lengths if not math.isnan(one)]
+    is_turn = not is_other and all(abs(one - 1.0) < _UNIT_TOLERANCE or one == 0.0 for one in known)
     return [*titles] if is_turn else ["weight" if at == columns[-1] else title for at, title in enumerate(titles)]
 
 
