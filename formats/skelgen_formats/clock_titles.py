@@ -9,7 +9,9 @@ import contextlib
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
+from skelgen.model.arrays import Floats
 from skelgen_formats.text import is_number, is_timecode, seconds_of, words_of
 
 _FRAME = re.compile("|".join(words_of("times")["frame"]))
@@ -24,15 +26,18 @@ _SECONDS = {"min": 60.0, "mil": 1e-3, "mic": 1e-6, "100": 1e-7}  # by how units 
 _SECONDS |= {"ms": 1e-3, "us": 1e-6, "µs": 1e-6, "s": 1.0, "n": 1e-9}
 _WHOLE = re.compile(r"(.*?)(?:secs?|seconds)", re.IGNORECASE)
 _PARTS = {"nanosec": 1e-9, "nsec": 1e-9, "nanoseconds": 1e-9, "nsecs": 1e-9, "usec": 1e-6, "usecs": 1e-6}
+_HOUR = 3600.0  # s
 _OF_DAY = tuple(
     (re.compile(word), seconds)
     for word, seconds in (
-        ("hours?|hrs?|hh?|stunden?", 3600.0),
+        ("hours?|hrs?|hh?|stunden?", _HOUR),
         ("minutes?|mins?|mm|m", 60.0),
         ("seconds?|secs?|ss?|sekunden?", 1.0),
         ("milli_?seconds?|milli_?secs?|msecs?|ms", 1e-3),
     )
 )
+
+_Number = TypeVar("_Number", float, Floats)
 
 
 @dataclass(frozen=True)
@@ -64,6 +69,28 @@ class Clock:
         is_plain = not self.others and is_number(cell.strip())
         return self if is_plain else replace(self, second=1.0, counts_frames=is_timecode(cell))
 
+    def added(self, seconds: _Number, others: Sequence[_Number]) -> _Number:
+        """Return the seconds that other columns add; none where hours and minutes are the same time as a whole again.
+
+        Parameters
+        ----------
+        seconds : float or ndarray
+            In its column.
+        others : sequence of float or ndarray
+            In the other columns.
+        """
+        total = seconds * 0.0
+        for one, (_, unit) in zip(others, self.others, strict=True):
+            total = total + one * unit
+        if not self.others or self.others[0][1] != _HOUR:
+            return total
+        hours, minutes = others[:2]
+        are_broken = (hours % 1.0 != 0.0) | (minutes % 1.0 != 0.0)
+        is_minute = (seconds >= 60.0) & (hours * _HOUR + minutes * 60.0 == seconds // 60.0 * 60.0)
+        are_more = (minutes >= 60.0) | (seconds >= 61.0) | is_minute  # else 60 s are rounded
+        added: _Number = total * (1 - (are_broken | are_more))
+        return added
+
     def moment(self, cells: Sequence[str]) -> str:
         """Return the time of a row, of a clock or calendar in seconds; an empty text if it is no number.
 
@@ -75,7 +102,8 @@ class Clock:
         text = cells[self.column]
         if self.others:
             with contextlib.suppress(ValueError):
-                return repr(float(text) + sum(float(cells[column]) * seconds for column, seconds in self.others))
+                seconds = float(text)
+                return repr(seconds + self.added(seconds, [float(cells[column]) for column, _ in self.others]))
         moment = seconds_of(text)
         return moment if is_number(moment.strip()) else ""
 

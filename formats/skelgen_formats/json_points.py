@@ -13,7 +13,7 @@ import json
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import starmap
+from itertools import chain, starmap
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +29,7 @@ from skelgen_formats.json_records import (
     by_frame,
     on_common_frames,
     several_takes,
+    with_names_in_order,
     with_numbers_as_ids,
 )
 from skelgen_formats.lines import Lines, read_lines
@@ -114,9 +115,12 @@ def take_from_value(path: Path, value: Any, options: Options, what: str) -> Traj
         if n_takes := several_takes(value):
             raise FormatError(path, "", f"{n_takes} takes in one file: write each into a file of its own")
         value = on_common_frames(by_frame(_plain(with_numbers_as_ids(_with_whole_markers(value)))))
+        value = with_names_in_order(value)
         _find_owners(value, (), counts, in_frame=False)
         owners = {key: _listed(count) for key, count in counts.items()}
         leaves = dict(starmap(_with_flags, _leaves(_by_owner(value, (), owners), ())))
+        called = {(*key, _NAMES): ids for key, ids in owners.items() if any(map(_is_word, ids))}
+        leaves = called | leaves
         arrays = {key: _array(leaf) for key, leaf in _spread(path, leaves).items()}
     except (ValueError, TypeError, LookupError, RecursionError, OverflowError) as error:
         raise FormatError(path, "", _damaged(what, error)) from error
@@ -242,6 +246,10 @@ def _ids(objects: Sequence[dict[str, Any]]) -> list[Any]:
     return ids if are_own else [*range(len(objects))]
 
 
+def _is_word(identity: Any) -> bool:
+    return isinstance(identity, str) and not is_number(identity)
+
+
 def _by_owner(value: Any, path: _Path, owners: Mapping[_Path, list[Any]]) -> Any:
     """Return the value with the objects of each owner at one place in the lists of all frames, None where missing."""
     if isinstance(value, dict):
@@ -313,12 +321,22 @@ def _array(leaf: Any) -> NDArray[Any]:
     with contextlib.suppress(ValueError, TypeError):
         array = np.asarray(_filled(leaf), dtype=np.float64)  # of numbers in quotes, too
         return array.squeeze(axis=1) if array.ndim == len(AXES) + 1 and array.shape[1] == 1 else array
+    if isinstance(leaf, list) and (names := _names_of_people(leaf)):
+        leaf = names
     if isinstance(leaf, list) and all(isinstance(row, list) and len(row) == 1 for row in leaf):
         leaf = [row[0] for row in leaf]
     if _are_texts_of_frames(leaf):
         leaf = leaf[0] if all(row == leaf[0] for row in leaf) else ["_".join(row) for row in leaf]
     is_text = isinstance(leaf, str) or (isinstance(leaf, list) and all(isinstance(one, str) for one in leaf))
     return np.array(leaf if is_text else [])
+
+
+def _names_of_people(leaf: list[Any]) -> list[str]:
+    """Return the names that the points of all people of all frames have; none if there are others at one place."""
+    rows = [row for frame in leaf if isinstance(frame, list) for row in frame if isinstance(row, list)]
+    names = [{one for one in column if one is not None} for column in zip(*rows, strict=False)]
+    is_one = all(len(ones) == 1 and all(isinstance(one, str) for one in ones) for ones in names)
+    return [*chain.from_iterable(names)] if is_one and len({*map(len, rows)}) == 1 else []
 
 
 def _filled(leaf: Any) -> Any:

@@ -176,6 +176,64 @@ def _on_frames(part: Any, frames: Sequence[int], every: Sequence[int]) -> Any:
     return [there.get(frame) for frame in every]
 
 
+def with_names_in_order(value: Any) -> Any:
+    """Return the points of people, lists of objects with a name each, in one order of names, None where missing.
+
+    Parameters
+    ----------
+    value : list, dict, str, float or None
+        As JSON has it.
+    """
+    orders: dict[_Path, tuple[str, Counter[tuple[str, ...]]]] = {}
+    for path, key, words in _named_of_people(value, (), 0):
+        orders.setdefault(path, (key, Counter()))[1][words] += 1
+    known = {}
+    for path, (key, counts) in orders.items():
+        every = [*dict.fromkeys(word for words in counts for word in words)]
+        n_words = sum(len(words) * count for words, count in counts.items())
+        is_alike = len(counts) == 1 and key in NAME_KEYS
+        if not is_alike and len(every) * counts.total() <= _MOST_TIMES * n_words:
+            known[path] = key, every
+    return _with_order(value, (), 0, known) if known else value
+
+
+def _named_of_people(value: Any, path: _Path, depth: int) -> Iterator[tuple[_Path, str, tuple[str, ...]]]:
+    """Yield the names of points in lists of people in one of frames, with the keys that lead to them, and their own."""
+    if isinstance(value, list):
+        if depth >= _OF_FRAME and (named := _names_in(value)):
+            yield path, *named
+        elif depth < _DEEPEST:
+            for one in filter(_may_hold_objects, value):
+                yield from _named_of_people(one, path, depth + 1)
+    elif isinstance(value, dict) and len(path) < _DEEPEST:
+        for key, one in value.items():
+            if _may_hold_objects(one):
+                yield from _named_of_people(one, (*path, key), depth)
+
+
+def _names_in(points: list[Any]) -> tuple[str, tuple[str, ...]] | None:
+    """Return the key under which each object has a word of its own, and these words; None if there is none."""
+    if len(points) < _FEWEST or not all(isinstance(one, dict) for one in points):
+        return None
+    for key, first in sorted(points[0].items(), key=lambda item: item[0] not in NAME_KEYS):
+        words = tuple(one.get(key) for one in points) if isinstance(first, str) and not is_number(first) else ()
+        if words and {*map(type, words)} == {str} and len({*words}) == len(points):
+            return key, words
+    return None
+
+
+def _with_order(value: Any, path: _Path, depth: int, known: Mapping[_Path, tuple[str, list[str]]]) -> Any:
+    if isinstance(value, dict):
+        return {key: _with_order(one, (*path, key), depth, known) for key, one in value.items()}
+    if not isinstance(value, list):
+        return value
+    key, names = known.get(path, ("", []))
+    if depth >= _OF_FRAME and key and value and all(isinstance(one, dict) and one.get(key) in names for one in value):
+        there = {one[key]: {k: part for k, part in one.items() if k != key} | {"name": one[key]} for one in value}
+        return [there.get(name) for name in names] if len(there) == len(value) else value
+    return [_with_order(one, path, depth + 1, known) if _may_hold_objects(one) else one for one in value]
+
+
 def several_takes(value: Any) -> int:
     """Return how many takes a list holds, in objects with the name of a trial each; else 0.
 

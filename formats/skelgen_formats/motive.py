@@ -148,10 +148,11 @@ def _has_header(line: str) -> bool:
 
 def _parting(lines: Sequence[str]) -> str:
     """Return what parts cells in an export without its header, as people cut it off; empty if this is none."""
-    for above, line in pairwise(line for line in lines if line.strip(",;\t ")):
+    filled = [line for line in lines if line.strip(",;\t ")]
+    for n_above, (above, line) in enumerate(pairwise(filled), start=1):
         found = _AXES_LINE.match(line.strip().lstrip('"'))
         words = {cell.strip(' "') for cell in above.split(found[1])} if found else set()
-        if found and "Position" in words and len(words) <= _MOST_QUANTITIES:
+        if found and "Position" in words and len(words) <= _MOST_QUANTITIES and n_above >= _FEWEST_TITLE_LINES:
             return found[1]
     return ""
 

@@ -29,7 +29,7 @@ from skelgen_formats.table_heads import CAMEL
 from skelgen_formats.text import is_number, seconds_of
 from skelgen_formats.time_stamps import Stamps, since_first
 from skelgen_formats.titles import UNIT_WORDS, bodies_of, with_axes
-from skelgen_formats.turn_titles import AXES
+from skelgen_formats.turn_titles import AXES, COMPONENTS
 from skelgen_formats.untitled_points import positions_of_columns
 from skelgen_formats.wide import take_from_table
 
@@ -123,9 +123,9 @@ def _stamps(arrays: Arrays, n_frames: int) -> Iterator[Stamps]:
     fitting = {key: array for key, array in (numbers | same).items() if array.shape == (n_frames,)}
     columns = [*fitting.values()]
     if clock := clock_of([key.rpartition(".")[2] for key in fitting]):
-        others = sum(columns[column] * seconds for column, seconds in clock.others)
+        seconds = columns[clock.column]
         second = 1.0 if [*fitting][clock.column] in dates else clock.second
-        yield since_first(columns[clock.column] + others, second)
+        yield since_first(seconds + clock.added(seconds, [columns[column] for column, _ in clock.others]), second)
 
 
 def _unflattened(key: str, array: NDArray[Any]) -> NDArray[Any]:
@@ -231,9 +231,9 @@ def _are_poses(array: NDArray[Any]) -> bool:
         if array.shape[-2:] == (3, 3):
             first = array.reshape(-1, 3, 3)[0].astype(np.float64)
             return bool(np.abs(first @ first.T - np.eye(3)).max() < _UNIT_TOLERANCE)
-        if array.shape[-1] != _POSE:
+        if array.shape[-1] not in (_POSE, len(COMPONENTS)) or array.shape[-2:] == (4, 4):
             return array.shape[-2:] == (4, 4)
-        lengths = np.linalg.norm(array[..., len(AXES) :].astype(np.float64), axis=-1)
+        lengths = np.linalg.norm(array[..., -len(COMPONENTS) :].astype(np.float64), axis=-1)
     return bool(np.abs(np.nanmedian(lengths) - 1.0) < _UNIT_TOLERANCE) if np.isfinite(lengths).any() else False
 
 

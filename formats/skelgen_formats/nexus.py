@@ -44,7 +44,7 @@ from skelgen_formats.text import parse_rows, rate_in, split_cells
 
 BLOCKS = (
     *("Trajectories", "Model Outputs", "Devices", "Joints", "Segments", "Events", "Forces"),
-    *("Objects", "Angles", "Moments", "Powers", "Scalars"),
+    *("Objects", "Angles", "Moments", "Powers", "Scalars", "Trajectory Count"),
 )
 """Titles of the blocks of an export."""
 

@@ -87,9 +87,8 @@ def _rows(table: Any) -> Iterator[str]:
 def _stamps(columns: Floats, clock: Clock) -> Stamps:
     """Return the times in a column, with what other columns add to it."""
     whole = since_first(columns[:, 0], clock.second)
-    others = zip(columns.T[1:], clock.others, strict=True)
-    added = (since_first(column, seconds).since for column, (_, seconds) in others)
-    return Stamps(whole.since + sum(added), whole.are_seconds)
+    added = clock.added(columns[:, 0], [*columns.T[1:]])
+    return Stamps(whole.since + (added - added[:1]), whole.are_seconds)
 
 
 def _numbers(path: Path, column: Any) -> Floats:

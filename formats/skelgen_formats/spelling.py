@@ -1,17 +1,19 @@
 """Titles of columns as few scripts write them, and how they are read: `skelgen_formats.titles` tells the usual form."""
 
+import contextlib
+import math
 import re
 from collections.abc import Sequence
 from functools import lru_cache
 
-from skelgen_formats.turn_titles import AXES, BETWEEN
+from skelgen_formats.turn_titles import AXES, BETWEEN, COMPONENTS
 
 LENGTH = r"(?:mm|cm|m|(?:milli|centi)?met(?:er|re)s?|inch(?:es)?|ft|feet|(?<=[\[(])in)"
 """A unit of length, in a regular expression."""
 
 PLACE_WORD = (
     rf"(?:(?:local|global|world){BETWEEN}?)?"
-    rf"(?:posi?|position|trans|translation|loc|location|coord|coords|coordinate){BETWEEN}?"
+    rf"(?:posi?|position|trans|translation|loc|location|tvec|coord|coords|coordinate){BETWEEN}?"
 )
 """A word for a place, in a regular expression."""
 
@@ -24,6 +26,7 @@ OF_VERSION = re.compile(rf"(.+{BETWEEN}[xyz])(?:{BETWEEN}(?:{_VERSION})|3d)", re
 _TURN = "quat|quaternion|rot|rotation|orientation|euler"
 _RW = re.compile(rf"((?:.+{BETWEEN})?)r([wxyz])", re.IGNORECASE)  # components of a quaternion, if one is w
 _POSE, _AGAIN = "xyzxyzw", re.compile(r"[wxyz]\.\d+", re.IGNORECASE)  # pandas writes x.1 for the second x
+_UNIT_TOLERANCE = 1e-2  # of the length of a quaternion, which is printed with a few digits
 _NO_NAME = rf"(?:{LENGTH}|std\w*|err\w*|{_VERSION})"
 _SPELT = (
     # p_RS_R_x [m], q_RS_w [] of EuRoC
@@ -40,6 +43,10 @@ _SPELT = (
     (re.compile(rf"(.+{BETWEEN}[xyz](?: ?[\[(]{LENGTH}[\])])?) ?[\[(](?:{_VERSION})[\])]", re.IGNORECASE), r"\1"),
     (re.compile(r"(.+)\[['\"]?([xyz])['\"]?\]", re.IGNORECASE), r"\1_\2"),  # knee['x']
     (re.compile(rf"(.+{BETWEEN})([xyz]){BETWEEN}(l|r|left|right)", re.IGNORECASE), r"\1\3_\2"),  # knee_x_L
+    *(
+        (re.compile(rf"((?:.*{BETWEEN})?[tr]vec)[_ ]?[\[(]?{n}[\])]?", re.IGNORECASE), rf"\1_{axis}")
+        for n, axis in enumerate(AXES)
+    ),
     (re.compile(r"(.+?) ?\[[#-]?\]"), r"\1"),  # Sensor 1 Q0 []
     (re.compile(rf"(.+{BETWEEN}[xyz]) ?\((?:ap|ml|v|si|is|pd|lat|vert|up)\)", re.IGNORECASE), r"\1"),  # knee_X(AP)
     (re.compile(rf"(.+?) ?[\[(]({LENGTH})[\])]({BETWEEN}[xyz])", re.IGNORECASE), r"\1\3 [\2]"),  # knee_pos[m]_x
@@ -97,8 +104,7 @@ def _spelt(titles: tuple[str, ...]) -> tuple[str, ...]:
 
 def _with_quaternions(titles: list[str]) -> list[str]:
     """Return titles with qx to qw for x, y, z, w right behind x, y, z, as messages of ROS without their paths have."""
-    found = [*titles]
-    plain = [title.lower().rpartition(".")[0] if _AGAIN.fullmatch(title) else title.lower() for title in titles]
+    found, plain = [*titles], _plain(titles)
     starts = [at for at in range(len(plain)) if plain[at : at + len(_POSE)] == [*_POSE]]
     if [title for title in plain if title in {*_POSE}] != [*_POSE] * len(starts):  # other points, or quaternions first
         return titles
@@ -106,6 +112,37 @@ def _with_quaternions(titles: list[str]) -> list[str]:
         name = f"{count + 1}_" * (len(starts) > 1)
         found[at : at + len(_POSE)] = [*(f"{name}{axis}" for axis in AXES), *(f"{name}q{one}" for one in _POSE[3:])]
     return found
+
+
+def _plain(titles: Sequence[str]) -> list[str]:
+    return [title.lower().rpartition(".")[0] if _AGAIN.fullmatch(title) else title.lower() for title in titles]
+
+
+def with_lone_weight(titles: Sequence[str], rows: Sequence[Sequence[str]], names: Sequence[str] = ()) -> list[str]:
+    """Return titles with `weight` for the w of x, y, z, x, y, z, w where the last four are no unit quaternion.
+
+    Parameters
+    ----------
+    titles : sequence of str
+        Of the columns, without quotes.
+    rows : sequence of sequences of str
+        Cells below them, as many as there are.
+    names : sequence of str
+        Above them, if there are any; other ones over the second x, y, z show that it is another point.
+    """
+    plain = _plain(titles)
+    columns = [at for at, title in enumerate(plain) if title in {*COMPONENTS}]
+    if [plain[at] for at in columns] != [*_POSE]:
+        return [*titles]
+    first, second = ([names[at] for at in some if at < len(names)] for some in (columns[:3], columns[3:6]))
+    lengths = []
+    for row in rows:
+        with contextlib.suppress(ValueError, IndexError):
+            lengths.append(math.hypot(*(float(row[at].replace(",", ".")) for at in columns[3:])))
+    is_other = any(second) and any(first) and not {*filter(None, second)} <= {*first}
+    known = [one for one in lengths if not math.isnan(one)]
+    is_turn = not is_other and all(abs(one - 1.0) < _UNIT_TOLERANCE or one == 0.0 for one in known)
+    return [*titles] if is_turn else ["weight" if at == columns[-1] else title for at, title in enumerate(titles)]
 
 
 def with_letters(titles: Sequence[str]) -> list[str]:

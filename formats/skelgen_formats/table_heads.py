@@ -34,6 +34,7 @@ from skelgen_formats.title_lines import (
     in_threes,
     is_visual3d,
     names_of_threes,
+    under_bodies,
     under_names,
     visual3d,
 )
@@ -80,7 +81,7 @@ _OWNING = re.compile(
 _EVEN = 2.0  # how much longer than the shortest one a step from time to time is, at most
 _UNIT_TOLERANCE = 1e-3  # of the length of quaternions, which are printed with a few digits
 _COMMENT = "#%"  # what stands before the titles that numpy and ROS write
-_STRICT, _LOOSE = (deeplabcut, under_names, in_one_line), (in_threes, names_of_threes)
+_STRICT, _LOOSE = (deeplabcut, under_bodies, under_names, in_one_line), (in_threes, names_of_threes)
 _STATES = re.compile(r"[:=]\s*\S")
 
 

@@ -12,7 +12,7 @@ from itertools import groupby
 from skelgen_formats.body_columns import Body
 from skelgen_formats.cell_marks import mark_in, unit_behind
 from skelgen_formats.clock_titles import clock_of, is_frame
-from skelgen_formats.spelling import spelt
+from skelgen_formats.spelling import spelt, with_lone_weight
 from skelgen_formats.table_heads import CAMEL, DELIMITERS, read_preamble, with_row_names
 from skelgen_formats.text import is_number, unquoted, without_trailing_empty, words_of
 from skelgen_formats.title_lines import Head
@@ -61,7 +61,8 @@ def find_tidy_head(lines: Sequence[str]) -> TidyHead | None:
     for index, line in enumerate(lines):
         for delimiter in (one for one in DELIMITERS if one or not any(filter(None, map(line.count, ",;\t")))):
             rows = [unquoted(one.lstrip("#% "), delimiter).split(delimiter) for one in lines[index : index + _NUMBERED]]
-            titles = spelt([cell.strip().strip('"') for cell in with_row_names([rows[0], *filter(any, rows[1:])])[0]])
+            titles, *below = with_row_names([rows[0], *filter(any, rows[1:])])
+            titles = spelt(with_lone_weight([cell.strip().strip('"') for cell in titles], below))
             cells_of = partial(_column, lines, index + 1, delimiter)
             if len(titles) >= _FEWEST_TITLES and (head := _head_of(titles, cells_of)):
                 head.delimiter, head.n_lines = delimiter, index + 1

@@ -7,6 +7,7 @@ import numpy as np
 from skelgen.geometry.frame_rate import AS_RECORDED_RATE
 from skelgen.model.arrays import Floats
 from skelgen.model.rates import rate_of
+from skelgen.progress import counted
 
 _SLOWEST, _FASTEST = 1.0, 1e5  # Hz, of times in seconds
 _SLOW, _FAST = 5.0, 2000.0  # Hz, of cameras: times of which no title names the unit
@@ -15,6 +16,7 @@ _FRAMES = 100  # to which timecodes count within a second, at most
 _EPOCH, _LONGEST = (1e9, 4e9), 2.0  # s since 1970, of clocks between 2001 and 2096, and of the steps of such times
 _SINCE_1, _SINCE_1601 = 62135596800.0, 11644473600.0  # s until 1970, from where .NET and Windows count ticks
 _FEW_BACK = 0.05  # of the steps between times, that may go back
+_LONG = 1.5  # of the usual step, from which on one leaves frames out
 _MOST = 0.75  # of the times, that must be there and rise: some repeat one, or write 0 where nothing is seen
 
 
@@ -24,6 +26,21 @@ class Stamps:
 
     since: Floats
     are_seconds: bool
+
+    def notice_skipped(self, notices: list[str]) -> None:
+        """Say in how many places times leave frames out, if most follow each other evenly.
+
+        Parameters
+        ----------
+        notices : list of str
+            Gets a sentence if they do.
+        """
+        steps = np.diff(self.since[np.isfinite(self.since)])
+        usual = float(np.median(steps)) if len(steps) else 0.0
+        longer, is_even = steps > _LONG * usual, np.abs(steps - usual) < (_LONG - 1.0) * usual
+        if usual > 0.0 and longer.any() and is_even.mean() >= _MOST:
+            where = counted(int(longer.sum()), "place", "places")
+            notices.append(f"times leave some out in {where}; rows are taken as if they followed each other")
 
     def rate(self, notices: list[str]) -> float:
         """Return the frame rate [Hz]; `AS_RECORDED_RATE` if they do not rise, or no unit makes it that of a camera.

@@ -13,10 +13,10 @@ from skelgen_formats.body_columns import Body
 from skelgen_formats.clock_titles import Clock, clock_of, is_frame
 from skelgen_formats.flags import Flag, flag_of
 from skelgen_formats.options import MM_PER_UNIT
-from skelgen_formats.spelling import spelt, with_letters
+from skelgen_formats.spelling import spelt, with_letters, with_lone_weight
 from skelgen_formats.text import is_number, without_trailing_empty
 from skelgen_formats.titles import axis_alone, bodies_of, not_taken, undoubled, with_axes
-from skelgen_formats.turn_titles import AXES, angle_alone, component_alone, numbered_quaternions
+from skelgen_formats.turn_titles import AXES, COMPONENTS, angle_alone, component_alone, numbered_quaternions
 
 _FEWEST = 2  # points of a table that no word says what it is
 _LOCAL = re.compile(r"(?<![A-Za-z])[Ll]ocal(?![a-z])|(?<=[a-z])Local(?![a-z])")
@@ -27,6 +27,10 @@ NUMBERED = "X, Y and Z stand several times without names in their line: points a
 """A notice of points whose titles have no names."""
 
 _IN_THREES = "three columns under one name are taken as x, y and z"
+_QUANTITY = re.compile(
+    r"(?:(?P<place>pos|trans|loc)|(?P<turn>rot|ori|quat|att))\w*\W*(?P<unit>[\[(].+[\])])?", re.IGNORECASE
+)
+_LETTERS, _POSE = {*COMPONENTS}, "xyzxyzw"  # a place and a unit quaternion
 _VISUAL3D = ("TARGET", "LANDMARK")  # types of its signals that are points
 _DEEPLABCUT = ("scorer", "individuals", "bodyparts", "coords")
 
@@ -92,7 +96,7 @@ def in_one_line(rows: Sequence[Sequence[str]]) -> Head | None:
     rows : sequence of sequences of str
         Lines from that of the titles on, without quotes.
     """
-    titles = without_trailing_empty(rows[0])
+    titles = with_lone_weight(without_trailing_empty(rows[0]), rows[1:])
     bodies = bodies_of(titles)
     if len(bodies) < _FEWEST and not any(body.is_turned or body.has_angles for body in bodies):
         return None
@@ -161,7 +165,8 @@ def under_names(rows: list[list[str]]) -> Head | None:
         rows = [rows[1], rows[0], *rows[2:]]  # pandas may write the level of axes first
     units = {word.lower() for word in rows[1] if word} - {"s"}
     has_units = len(units) == 1 and units <= {*MM_PER_UNIT}  # between names and axes, as Mokka has them
-    axes = [axis.strip("-.:") for axis in spelt(without_trailing_empty(rows[1 + has_units]))]
+    titles = with_lone_weight(without_trailing_empty(rows[1 + has_units]), rows[2 + has_units :], rows[0])
+    axes = [axis.strip("-.:") for axis in spelt(titles)]
     names = [*rows[0], *[""] * len(axes)][: len(axes)]
     if sum(axis_alone(axis) is not None for axis in axes) < _FEWEST * len(AXES):
         return None
@@ -184,6 +189,53 @@ def under_names(rows: list[list[str]]) -> Head | None:
         found, [axis if clock_of([axis]) or is_frame(axis) else name for name, axis in zip(names, axes, strict=True)]
     )
     return found
+
+
+def under_bodies(rows: list[list[str]]) -> Head | None:
+    """Names over words for place and rotation, over axes in any order; or one name over X, Y, Z, X, Y, Z, W.
+
+    Without W rotations are angles.
+    """
+    for n_lines in (3, 2):
+        if len(rows) <= n_lines:
+            continue
+        axes = without_trailing_empty(rows[n_lines - 1])
+        names, words = (_carried_on(row, axes) for row in rows[:2])
+        letters = "".join(axis.lower() for axis in axes if axis.lower() in _LETTERS)
+        if n_lines == 2:
+            is_one = letters == _POSE and len({*filter(None, names)}) == 1
+            quantities = iter(["position"] * len(AXES) + ["rotation"] * len(COMPONENTS) if is_one else [])
+            words = [next(quantities, "") if axis.lower() in _LETTERS else "" for axis in axes]
+        titles = _of_quantities(names, words, axes)
+        above = zip(*([*row, *[""] * len(axes)][: len(axes)] for row in rows[: n_lines - 1]), strict=True)
+        titles = [title or next(filter(None, cells), "") for title, cells in zip(titles, above, strict=False)]
+        found = in_one_line([titles]) if titles else None
+        if found and any(body.is_turned or body.has_angles for body in found.bodies):
+            found.n_lines = n_lines
+            return found
+    return None
+
+
+def _carried_on(row: Sequence[str], axes: Sequence[str]) -> list[str]:
+    """Return what stands over each column with an axis, there or over the ones before, where cells were merged."""
+    carried: list[str] = []
+    for cell, axis in zip([*row, *[""] * len(axes)], axes, strict=False):
+        carried.append((cell or next(iter(carried[-1:]), "")) if axis.lower() in _LETTERS else "")
+    return carried
+
+
+def _of_quantities(names: Sequence[str], words: Sequence[str], axes: Sequence[str]) -> list[str]:
+    """Return titles of one line, knee_position_x, knee_quaternion_w, knee_euler_x; none if words or names lack."""
+    matches = [_QUANTITY.fullmatch(word) for word in words]
+    has_w = {name for name, axis in zip(names, axes, strict=True) if axis.lower() == "w"}
+    titles = []
+    for name, word, match, axis in zip(names, words, matches, axes, strict=True):
+        if axis.lower() in _LETTERS and not name:
+            return []
+        kind = "position" if match and match["place"] else "quaternion" if name in has_w else "euler"
+        unit = f" {match['unit']}" if match and match["unit"] and kind != "quaternion" else ""
+        titles.append(f"{name}_{kind if match else word}_{axis}{unit}" if name else axis)
+    return titles if any(match and match["turn"] for match in matches) else []
 
 
 def _triples(names: Sequence[str], axes: Sequence[str]) -> list[Body]:

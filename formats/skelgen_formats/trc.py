@@ -13,12 +13,12 @@ Layout, tab-separated text::
 Lines that begin with ``#`` are comments; three zeros are unseen, too. The names are taken in order, since some
 programs put them one column off. Written numbers have as many digits as give the same float64 back.
 
-The first line may be missing, and the column of frame numbers, or that of times; without Units they are told by the
-size of the coordinates. Commas or blanks may stand for the tabs, blanks between frame number and time alone, and
-doubled tabs for single ones; the line of coordinate names may be missing, and names stand over each column
-(``knee_x``). NumMarkers may differ from the names:
-what Cortex names beyond it are virtual markers, which it computed; columns without a name are unlabelled, a cloud if
-none has one. Where the times make another rate than DataRate, they count.
+Keys may stand before their values, ``DataRate=100``. The first line may be missing, and the column of frame numbers,
+or that of times; without Units they are told by the size of the coordinates. Commas or blanks may stand for the tabs,
+blanks between frame number and time alone, and doubled tabs for single ones; the line of coordinate names may be
+missing, and names stand over each column (``knee_x``). NumMarkers may differ from the names: what Cortex names beyond
+it are virtual markers, which it computed; columns without a name are unlabelled, a cloud if none has one. Where the
+times make another rate than DataRate, they count.
 """
 
 import re
@@ -80,7 +80,7 @@ from skelgen_formats.writing import (
 )
 
 _TITLE = "TRC"
-_HEADER_LINES = 5  # magic, keys, values, names, coordinate names
+_HEADER_LINES, _NAMES_LINE = 5, 3  # magic, keys, values, names, coordinate names
 _LEADING_CELLS = 2  # frame number and time
 _FIRST_LINE, _FIRST_KEY = "PathFileType", "DataRate"
 _LEADING_TITLE = re.compile(r"(frame|time|time ?stamp|sample)s?\b.*", re.IGNORECASE)  # Frame#, Time, Times, Time (s)
@@ -104,8 +104,7 @@ class _Table:
     """What the header and the rows tell of the columns: what parts cells, each marker's name, how many are measured.
 
     Rows may have doubled tabs, too few cells (padded), a tab before the first cell (indented), or blanks between frame
-    number and time (blank). Before the markers
-    stand frame number and time, or only one of them.
+    number and time (blank). Before the markers stand frame number and time, or only one of them.
     """
 
     delimiter: str
@@ -152,7 +151,8 @@ def read_trc(
     lines = read_lines(path, sample)
     start = _header_start(path, lines)
     delimiter = _delimiter(lines, start)
-    header = _header(path, lines, start, delimiter)
+    header, start = _pairs(lines, start, delimiter) or (_header(path, lines, start, delimiter), start)
+    delimiter = _delimiter(lines, start) if delimiter == " " else delimiter
     announced = count_in(path, start + 3, _value(path, header, "nummarkers", start) or "0", "NumMarkers")
     stated = number_in(path, start + 3, _value(path, header, "datarate", start), "DataRate")
     unit = _value(path, header, "units", start)
@@ -331,6 +331,19 @@ def _is_trc(head: bytes, path: Path) -> bool:
     lines = decoded_head(head).split("\n")[:20]
     is_keys = (_begins(line, _FIRST_KEY) and "nummarkers" in line.lower() for line in lines)
     return any(_begins(line, _FIRST_LINE) for line in lines) or any(is_keys)
+
+
+def _pairs(lines: Lines, start: int, delimiter: str) -> tuple[dict[str, str], int] | None:
+    """Return what keys before their values say, and the index from which the names are as far as from two lines."""
+    known, found, end = {*map(str.lower, _KEYS)}, dict[str, str](), start + 1
+    for line in lines[start + 1 : start + 1 + len(_KEYS)]:
+        cells = [part.strip() for cell in line.split(delimiter) if cell.strip() for part in cell.split("=", 1)]
+        keys = [cell.lower() for cell in cells[::2]]
+        if not keys or len(cells) % 2 or not known.issuperset(keys) or known & {*map(str.lower, cells[1::2])}:
+            break
+        found |= zip(keys, cells[1::2], strict=True)
+        end += 1
+    return (found, end - _NAMES_LINE) if found else None
 
 
 def _header(path: Path, lines: Sequence[str], start: int, delimiter: str) -> dict[str, str]:

@@ -25,7 +25,7 @@ _QUATERNION_FIRST = re.compile(rf"q([wxyzo0]){BETWEEN}?(.{{1,200}})", re.IGNOREC
 _ANGLE_UNIT = re.compile(r"(.+?)(?: ?/ ?|[ _]?[\[(]?)(deg|rad|°)(?:s|rees?|ians?)?[\])]?", re.IGNORECASE)
 _NAVIGATED = re.compile(rf"(?:(.{{1,200}}?){BETWEEN}?)??(?:(?<![a-z])(?:{_TURN_WORD}))?(roll|pitch|yaw)", re.IGNORECASE)
 _ABOUT_AXIS = re.compile(
-    rf"(?:(.{{1,200}}?){BETWEEN})??(?:(?:{_TURN_WORD})?(?:euler(?:{BETWEEN}?angles?)?|rotvec)|{_TURN_WORD}|r){BETWEEN}?([xyz])",
+    rf"(?:(.{{1,200}}?){BETWEEN})??(?:(?:{_TURN_WORD})?(?:euler(?:{BETWEEN}?angles?)?|rotvec|rvec)|{_TURN_WORD}|r){BETWEEN}?([xyz])",
     re.IGNORECASE,
 )
 _MATRIX_WORD = "rot|rotation|mat|matrix|rotmat|dcm"
@@ -39,7 +39,7 @@ _NUMBERED = re.compile(
     rf"(?:(.{{1,200}}?){BETWEEN})??(?:quat|quaternion|rot|rotation|ori|orientation)[_ .-]?[\[(]?([0-4])[\])]?",
     re.IGNORECASE,
 )
-_SURE_ANGLE = re.compile("euler|rotvec", re.IGNORECASE)
+_SURE_ANGLE = re.compile("euler|rotvec|rvec", re.IGNORECASE)
 _ROLL_PITCH_YAW = {"roll": "x", "pitch": "y", "yaw": "z"}
 _TITLES = 1000  # of a table, each of which several readers look at several times
 _UNITY_ORDER = "yxz"
@@ -99,7 +99,7 @@ def order_by_words(title: str) -> str:
     title : str
         Without quotes.
     """
-    if "rotvec" in title.lower():
+    if re.search("rotvec|rvec", title, re.IGNORECASE):
         return ROTATION_VECTOR
     if "eulerangles" in title.lower():
         return _UNITY_ORDER

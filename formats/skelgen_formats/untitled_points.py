@@ -4,7 +4,7 @@ Beside coordinates there may be frame numbers and times, at most two columns bef
 The rest is ``x y z`` of each point in turn, ``x y z`` and how sure it is, or all ``x``, all ``y`` and all ``z``. It is
 the layout in which points keep their distance to another one, as those of a body do; where none or several do, the
 numbers are not read. A comment may name the points. Numbers of DLTdv stand in a row each (see
-`skelgen_formats.sparse_points`).
+`skelgen_formats.sparse_points`), or as x, y, z of each point in a file called ``xyzpts``.
 """
 
 from collections.abc import Iterator
@@ -25,7 +25,9 @@ from skelgen_formats.time_stamps import since_first
 from skelgen_formats.turn_titles import AXES
 from skelgen_formats.wide import take_from_table
 
+_OF_DLTDV = "xyzpts"  # in names of its files, with x, y, z of each point in turn
 _COMMENTS, _DELIMITERS = ("#", "%", "//"), ";\t,"
+_FEWEST_OF_DLTDV = 2  # points
 _FEWEST_FRAMES, _FEWEST_POINTS, _MOST_COUNTS = 8, 4, 2  # the latter on either side
 _LOOKED_AT = 64  # frames, and points
 _EVEN = 1e-2  # of their median, that steps of frames or times differ by
@@ -111,7 +113,7 @@ def _rows(path: Path, lines: Lines) -> Floats:
     if width < len(cells):  # points that are unseen at first, or a delimiter behind each row
         widths = (len(without_trailing_empty(line.split(delimiter))) for line in lines if _is_row(line))
         width = min(max(widths), len(cells))
-    if width < _FEWEST_POINTS * len(AXES):
+    if width < (_FEWEST_OF_DLTDV if _is_of_dltdv(path) else _FEWEST_POINTS) * len(AXES):
         raise FormatError(path, 1, f"numbers without titles, and {width} columns where 12 belong to four points")
     return parse_rows(path, numbered, width, delimiter)
 
@@ -139,7 +141,11 @@ def read_untitled_points(path: Path, options: Options) -> Trajectories | PointCl
     if is_sparse(lines):
         positions = read_sparse(path, lines)
         return take_from_table(path, positions, _numbered(positions), None, options)
-    found = positions_of_columns(_rows(path, lines))
+    rows = _rows(path, lines)
+    if _is_of_dltdv(path) and rows.shape[1] % len(AXES) == 0:
+        positions = rows.reshape(len(rows), -1, len(AXES))
+        return take_from_table(path, positions, _numbered(positions), None, options)
+    found = positions_of_columns(rows)
     if found is None:
         what = "write over the columns which point's they are: name_x, name_y, name_z"
         raise FormatError(path, 1, f"numbers without titles, and no layout in which points keep distances: {what}")
@@ -151,6 +157,10 @@ def read_untitled_points(path: Path, options: Options) -> Trajectories | PointCl
     take = take_from_table(path, positions, names, stamps, options)
     taken = f"numbers without titles are taken as {layout}, as points then keep their distances"
     return replace(take, notices=(f"{taken}; titles over the columns state another layout", *take.notices))
+
+
+def _is_of_dltdv(path: Path) -> bool:
+    return _OF_DLTDV in path.name.lower()
 
 
 def _numbered(positions: Floats) -> list[str]:

@@ -175,9 +175,12 @@ def _numbers_of(
     whole = padded_rows(with_numbers(numbers, head), len(lines), head.n_cells, head.delimiter, head.notices)
     if head.owners:
         whole = turns.noted(whole, head)
-    elif head.counts is not None:
+    is_in_parts = head.frames is None and head.clock is not None and bool(head.clock.others)
+    whole = with_seconds(whole, head) if is_in_parts else whole
+    if head.counts is not None and not head.owners:
         whole = in_order(whole, head.counts, head, every=not lines.is_sampled)
-    rows = parse_rows(path, with_seconds(whole, head), head.n_cells, head.delimiter, [*wanted, *times])
+    whole = whole if is_in_parts else with_seconds(whole, head)
+    rows = parse_rows(path, whole, head.n_cells, head.delimiter, [*wanted, *times])
     if not head.clock:
         return rows, None, turns
     stamps = rows[:, -1]
@@ -346,6 +349,8 @@ def _factor_and_rate(
     rate = options.recorded_rate
     if rate == AS_RECORDED_RATE and times is not None:
         rate = times.rate(notices)
+    if times is not None and rate != AS_RECORDED_RATE:
+        times.notice_skipped(notices)
     if rate == AS_RECORDED_RATE:
         rate = ASSUMED_RATE
         why = "the file states no frame rate" if times is None else "the times of the file tell no frame rate"

@@ -117,3 +117,28 @@ def test_a_time_beside_hours_minutes_and_seconds_is_the_finer_one(put, is_tidy, 
     text = f"time,{parts},name,x,y,z\n{tidy}" if is_tidy else f"time,{parts},{POINTS}\n{wide}"
     take = read_take(put("clock.csv", text))
     assert (take.n_frames, take.rate) == (100, pytest.approx(50.0))
+
+
+@pytest.mark.parametrize("start", [0.0, 59.98, 3599.98, 50000.0])
+@pytest.mark.parametrize("digits", [7, 0])
+def test_hours_minutes_and_seconds_may_each_be_the_whole_time(put, start, digits):
+    times = [start + frame / 50 for frame in range(5)]
+    totals = ([second / 3600, second / 60] for second in times)
+    cells = (",".join(f"{one if digits else one // 1:.{digits}f}" for one in row) for row in totals)
+    rows = "".join(f"{row},{second:.2f},1,2,3,4,5,6\n" for row, second in zip(cells, times, strict=True))
+    assert read_take(put("totals.csv", f"hours,minutes,seconds,{POINTS}\n{rows}")).rate == pytest.approx(50.0)
+
+
+def test_seconds_that_begin_a_new_minute_do_not_go_back(put):
+    rows = "".join(f"9,{59 + (frame > 1)},{(59.98 + frame / 100) % 60:.2f},1,2,3,4,5,6\n" for frame in range(4))
+    rows = rows.replace("9,60,", "10,0,")
+    take = read_take(put("parts.csv", f"hour,minute,second,{POINTS}\n{rows}"))
+    assert take.rate == pytest.approx(100.0)
+    assert not any("go back" in notice for notice in take.notices)
+
+
+def test_times_that_leave_frames_out_are_told(put):
+    rows = "".join(f"{frame / 50},1,2,3,4,5,6\n" for frame in range(20) if frame not in (5, 6, 11))
+    take = read_take(put("gaps.csv", f"time,{POINTS}\n{rows}"))
+    assert (take.n_frames, take.rate) == (17, pytest.approx(50.0))
+    assert "times leave some out in 2 places; rows are taken as if they followed each other" in take.notices

@@ -109,3 +109,61 @@ def test_numbers_of_frames_are_no_ids_of_people_or_points(put, refused):
 def test_images_of_two_films_are_no_people(put):
     records = [{"file_name": f"{n}.mp4", "index": f, "joints": PLACES[f]} for n in "ab" for f in range(5)]
     assert read_take(put("films.json", json.dumps(records))).positions.shape == (10, 2, 3)
+
+
+@pytest.mark.parametrize("n_people", [1, 2])
+def test_a_state_of_a_person_is_that_of_all_its_points(put, n_people):
+    """Of ZED, whose skeletons are guessed while it searches for them."""
+    states = [["OK", "OK"], ["OK", "SEARCHING"], ["SEARCHING", "OK"], ["OK", "OK"]]
+    points = np.random.default_rng(0).normal(size=(n_people, 4, 4, 3)).tolist()
+    frames = [
+        {"body_list": [{"id": k, "tracking_state": row[k], "keypoint": points[k][n]} for k in range(n_people)]}
+        for n, row in enumerate(states)
+    ]
+    take = read_take(put("zed.json", json.dumps({f"{n}": frame for n, frame in enumerate(frames)})))
+    expected = np.repeat(np.array(states) == "OK", 4, axis=1)[:, : 4 * n_people]
+    np.testing.assert_array_equal(take.seen, expected)
+
+
+@pytest.mark.parametrize("key", ["name", "joint"])
+def test_points_of_people_are_told_by_their_names_in_any_order(put, key):
+    names = ["hip", "knee", "toe", "heel"]
+    points = np.random.default_rng(1).normal(size=(6, 2, 4, 3))
+    orders = [
+        [0, 1, 2, 3],
+        [3, 1, 0],
+        [2, 1, 3, 0],
+        [0, 2, 3, 1],
+        [1, 0, 2, 3],
+        [3, 2, 1, 0],
+    ]  # the second without a toe
+
+    def person(frame, k):
+        listed = [{key: names[at], "pos": points[frame, k, at].tolist()} for at in orders[(frame + k) % 6]]
+        return {"id": k, "joints": listed}
+
+    frames = [{"people": [person(n, k) for k in ((0, 1) if n > 1 else (1,))]} for n in range(6)]
+    take = read_take(put("people.json", json.dumps(frames)), recorded_unit="mm")
+    assert {*take.names} == {f"{k + 1}:{name}" for k in range(2) for name in names}
+    for k, at in np.ndindex(2, 4):
+        expected = points[:, k, at].copy()
+        expected[[at not in orders[(n + k) % 6] or (k == 0 and n < 2) for n in range(6)]] = np.nan
+        np.testing.assert_array_equal(take.positions[:, take.names.index(f"{k + 1}:{names[at]}")], expected)
+
+
+def test_words_as_ids_are_names(put):
+    frames = [
+        {"t": n / 50, "markers": [{"id": NAMES[at], "position": PLACES[n][at]} for at in ((0, 1), (1, 0))[n % 2]]}
+        for n in range(5)
+    ]
+    take = read_take(put("ids.json", json.dumps(frames)), recorded_unit="mm")
+    assert take.names == tuple(NAMES)
+    np.testing.assert_array_equal(take.positions, PLACES)
+
+
+def test_quaternions_of_three_bodies_are_no_points(put):
+    turn = [0.0, 0.0, 0.6, 0.8]
+    bodies = [{"id": k + 10, "position": [k, 2.5, 3.5], "rotation": turn} for k in range(3)]
+    take = read_take(put("bodies.json", json.dumps([{"t": n / 50, "bodies": bodies} for n in range(5)])))
+    assert take.positions.shape == (5, 3, 3)
+    assert "arrays left out: rotation" in take.notices

@@ -160,3 +160,11 @@ def test_trajectories_whose_first_lines_are_cut_off_are_a_wide_table(put):
     take = read_take(path)
     assert (recognise(path).name, take.names) == ("wide-csv", ("LASI", "RASI"))
     np.testing.assert_array_equal(take.positions[0], FIRST)
+
+
+def test_counts_of_trajectories_before_them_are_left_out(put):
+    counts = "Trajectory Count\n120\n,,Count\nFrame,Sub Frame,Count\n,,\n1,0,2\n2,0,1\n3,0,2\n"
+    path = put("walk.csv", f"{counts}\n{TRAJECTORIES.replace('100,', '120,')}")
+    assert recognise(path).name == "nexus"
+    take = read_take(path)
+    assert (take.names, take.rate) == (("LASI", "RASI"), 120.0)

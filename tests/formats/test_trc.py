@@ -304,3 +304,13 @@ def test_blanks_may_part_all_cells_of_rows(put, text, walk):
     lines = text.splitlines()
     rows = [" ".join(cell.strip() or "NaN" for cell in line.split("\t")) for line in lines[6:]]
     np.testing.assert_allclose(read_take(put("blanks.trc", "\n".join(lines[:6] + rows))).positions, walk.positions)
+
+
+@pytest.mark.parametrize("parting", ["=", "\t"])
+@pytest.mark.parametrize("between", ["\t", "\n"])
+def test_keys_of_the_header_may_stand_before_their_values(put, text, walk, parting, between):
+    magic, keys, values, *rest = text.split("\n")
+    pairs = between.join(map(parting.join, zip(keys.split("\t"), values.split("\t"), strict=True)))
+    back = read_take(put("pairs.trc", "\n".join([magic, pairs, *rest])))
+    assert (back.names, back.rate) == (walk.names, walk.rate)
+    np.testing.assert_array_equal(back.positions, walk.positions)

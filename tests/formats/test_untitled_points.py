@@ -108,3 +108,11 @@ def test_a_row_that_is_too_long_is_named(put, refused):
     rows = text(POSITIONS.reshape(N_FRAMES, -1), ",").splitlines()
     rows[20] += ",1"
     assert "21: 19 cells where 18 belong" in refused(put("numbers.csv", "\n".join(rows)))
+
+
+@pytest.mark.parametrize("name", ["wing-xyzpts.csv", "wing_xyzpts.txt"])
+def test_columns_of_dltdv_without_titles_are_points_however_few(put, name):
+    rows = POSITIONS.reshape(N_FRAMES, -1)[:, :9].copy()
+    rows[:9, 3:6] = np.nan
+    take = read_take(put(name, text(rows, ",")))
+    np.testing.assert_allclose(take.positions, rows.reshape(N_FRAMES, 3, 3), atol=1e-3)

@@ -324,3 +324,50 @@ def test_positions_and_rotations_below_names_tell_their_columns(put):
     rows = "".join(f"{n},{n / 50},0,0,0.6,0.8,1,2,3,0,0,0.6,0.8,4,5,{n}\n" for n in range(3))
     take = read_take(put("rows.csv", f"{names}\n{kinds}\n,,{','.join('XYZWXYZ' * 2)}\n{rows}"))
     assert (take.names, take.rate) == (("A", "B"), pytest.approx(50.0))
+
+
+@pytest.mark.parametrize(
+    ("names", "quantities", "axes"),
+    [
+        (",,hand,,,,,,", ",,Position,,,Rotation,,,", "Frame,Time,X,Y,Z,X,Y,Z,W"),
+        (",,hand,hand,hand,hand,hand,hand,hand", ",,Pos,Pos,Pos,Quat,Quat,Quat,Quat", "Frame,Time,X,Y,Z,X,Y,Z,W"),
+        (",,hand,,,,,,", ",,Rotation,,,,Position,,", "Frame,Time,W,X,Y,Z,X,Y,Z"),
+        (",,hand,,,,,,", None, "Frame,Time,X,Y,Z,X,Y,Z,W"),
+    ],
+)
+def test_one_name_may_stand_over_place_and_rotation(put, names, quantities, axes):
+    cells = {"Rotation": "0.8,0,0,0.6,100,200,300", "Position": "100,200,300,0,0,0.6,0.8"}
+    row = cells["Rotation" if axes.startswith("Frame,Time,W") else "Position"]
+    head = "\n".join(filter(None, [names, quantities, axes]))
+    take = read_take(put("hand.csv", head + f"\n0,0.00,{row}\n1,0.02,{row}\n"))
+    assert (take.names, take.rate) == (("hand",), pytest.approx(50.0))
+    np.testing.assert_allclose(take.world_from_body[0, 0, :3, 3], [100, 200, 300])
+    np.testing.assert_allclose(take.world_from_body[0, 0, :2, 0], [0.28, 0.96])
+
+
+def test_one_name_may_stand_over_place_and_angles_with_their_units(put):
+    head = ",hand,,,,,\n,Position (m),,,Rotation (deg),,\nTime,X,Y,Z,X,Y,Z\n"
+    take = read_take(put("hand.csv", head + "0,0.1,0.2,0.3,0,0,90\n0.02,0.1,0.2,0.3,0,0,90\n"))
+    np.testing.assert_allclose(take.world_from_body[0, 0, :3, 3], [100, 200, 300])
+    np.testing.assert_allclose(take.world_from_body[0, 0, :2, 0], [0, 1], atol=1e-12)
+
+
+@pytest.mark.parametrize("names", ["", ",a,,,b,,,\n", ",a,a,a,b,b,b,\n"])
+def test_w_behind_two_points_is_a_weight_where_it_makes_no_unit_quaternion(put, names):
+    rows = "".join(f"{n / 50},1,2,3,40,50,6{n},0.9\n" for n in range(3))
+    take = read_take(put("weight.csv", f"{names}time,x,y,z,x,y,z,w\n{rows}"))
+    assert (take.rate, take.names) == (pytest.approx(50.0), ("a", "b") if names else ("0", "1"))
+    np.testing.assert_allclose(take.positions[2], np.array([[1, 2, 3], [40, 50, 62]]) * 1.0)
+
+
+@pytest.mark.parametrize("title", ["{}_{axis}", "{}[{at}]", "{}{at}", "{}_{at}"])
+@pytest.mark.parametrize("order", [("tvec", "rvec"), ("rvec", "tvec")])
+def test_vectors_of_opencv_are_a_place_and_a_rotation(put, title, order):
+    titles = [title.format(word, axis=axis, at=at) for word in order for at, axis in enumerate("xyz")]
+    vectors = {"tvec": "0.1,0.2,0.3", "rvec": f"0,0,{np.pi / 2:.6f}"}
+    cells = ",".join(vectors[word] for word in order)
+    rows = "".join(f"{n / 50},{marker},{cells}\n" for n in range(3) for marker in (4, 7))
+    take = read_take(put("aruco.csv", f"time,marker_id,{','.join(titles)}\n{rows}"))
+    assert (take.names, take.rate) == (("4", "7"), pytest.approx(50.0))
+    np.testing.assert_allclose(take.world_from_body[1, 1, :3, 3], [100, 200, 300])
+    np.testing.assert_allclose(take.world_from_body[1, 1, :2, 0], [0, 1], atol=1e-6)
