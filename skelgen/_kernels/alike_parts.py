@@ -52,6 +52,8 @@ class MomentsOfPairs(NamedTuple):
         Number of samples before each moment, their sum [mm] and their sum of squares [mm^2].
     gains : ndarray, shape (n_markers, n_markers), nats
         How well distances are explained (`marker_exchanges.explained`).
+    told : ndarray, shape (n_markers,), nats
+        What the best witnesses of each marker tell (`marker_exchanges.of_witnesses`).
     pairs : ndarray of intp, shape (n_pairs, 2)
         Markers that correspond.
     hidden : ndarray of bool, shape (n_moments + 1, n_pairs)
@@ -62,6 +64,7 @@ class MomentsOfPairs(NamedTuple):
 
     before: Floats
     gains: Floats
+    told: Floats
     pairs: Ints
     hidden: Bools
     spacing: float
@@ -73,7 +76,9 @@ class Room(NamedTuple):
     Attributes
     ----------
     gains : ndarray, shape (n_markers, n_markers)
-        How well distances would be explained.
+        How well the distances of markers that are exchanged would be explained.
+    row : ndarray, shape (n_markers,)
+        How well those of another marker would be.
     partner : ndarray of intp, shape (n_markers,)
         What each marker becomes.
     best : ndarray, shape (n_witnesses,)
@@ -81,6 +86,7 @@ class Room(NamedTuple):
     """
 
     gains: Floats
+    row: Floats
     partner: Ints
     best: Floats
 
@@ -138,18 +144,20 @@ def _add_evidence(distances: UsualDistances, first: int, second: int, score: Flo
 
 
 @kernel
-def weigh_spans(moments: MomentsOfPairs, room: Room, evidence: Floats) -> None:
+def weigh_spans(moments: MomentsOfPairs, least: float, room: Room, evidence: Floats) -> None:
     """Weigh exchanges of pairs in all spans of time that begin and end where they are hidden.
 
     Parameters
     ----------
     moments : MomentsOfPairs
         What is known.
+    least : float, nats
+        What does not explain all better than this is not weighed exactly.
     room : Room
         To work in.
     evidence : ndarray, shape (n_moments + 1, n_moments + 1), nats
         Receives how well all would be explained, by the moment with which a span begins and that behind it; -inf where
-        too few pairs are exchanged.
+        too few pairs are exchanged, or all is not explained so well.
     """
     n_ends = len(evidence)
     for first in range(n_ends):
@@ -159,7 +167,8 @@ def weigh_spans(moments: MomentsOfPairs, room: Room, evidence: Floats) -> None:
         if _n_hidden(moments.hidden, first, first) >= LEAST_PAIRS:
             for end in range(first + 1, n_ends):
                 if _n_hidden(moments.hidden, first, end) >= LEAST_PAIRS:
-                    evidence[first, end] = _evidence_if(moments, first, end, room)
+                    _write_partners(moments, first, end, room.partner)
+                    evidence[first, end] = _evidence_if(moments, (first, end), least, room)
 
 
 @kernel_part
@@ -173,25 +182,43 @@ def _n_hidden(hidden: Bools, first: int, end: int) -> int:
 
 
 @kernel_part
-def _evidence_if(moments: MomentsOfPairs, first: int, end: int, room: Room) -> float:
-    """How well all would be explained [nats] if pairs that are hidden at both ends were exchanged between them."""
-    pairs, partner, n_markers = moments.pairs, room.partner, len(room.partner)
-    for marker in range(n_markers):
+def _write_partners(moments: MomentsOfPairs, first: int, end: int, partner: Ints) -> None:
+    """Write what each marker becomes if pairs that are hidden at both ends of a span are exchanged."""
+    for marker in range(len(partner)):
         partner[marker] = marker
-    for pair in range(len(pairs)):
+    for pair in range(len(moments.pairs)):
         if moments.hidden[first, pair] and moments.hidden[end, pair]:
-            partner[pairs[pair, 0]], partner[pairs[pair, 1]] = pairs[pair, 1], pairs[pair, 0]
+            one, other = moments.pairs[pair, 0], moments.pairs[pair, 1]
+            partner[one], partner[other] = other, one
+
+
+@kernel_part
+def _evidence_if(moments: MomentsOfPairs, span: tuple[int, int], least: float, room: Room) -> float:
+    """How well all would be explained [nats] if markers were their partners in a span; -inf if that is below `least`.
+
+    What markers that stay gain is at most the sum of what their distances gain.
+    """
+    partner, n_markers = room.partner, len(room.partner)
+    total, most = 0.0, 0.0
     for one in range(n_markers):
-        for other in range(one):
-            gain = moments.gains[one, other]
-            if partner[one] != one or partner[other] != other:
-                gain = _explained_if(moments, (one, other), (first, end), partner)
-            room.gains[one, other] = room.gains[other, one] = gain
-        room.gains[one, one] = moments.gains[one, one]
-    told = 0.0
-    for marker in range(n_markers):
-        told += told_by_best(room.gains[marker], room.best)
-    return told
+        if partner[one] == one:
+            total += moments.told[one]
+            continue
+        for other in range(n_markers):
+            gain = _explained_if(moments, (one, other), span, partner)
+            room.gains[one, other] = gain
+            if partner[other] == other:
+                most += max(gain - moments.gains[one, other], 0.0)
+        total += told_by_best(room.gains[one], room.best)
+    if total + most <= least:
+        return -math.inf
+    for one in range(n_markers):
+        if partner[one] == one:
+            for other in range(n_markers):
+                stays = partner[other] == other
+                room.row[other] = moments.gains[one, other] if stays else room.gains[other, one]
+            total += told_by_best(room.row, room.best) - moments.told[one]
+    return total if total > least else -math.inf
 
 
 @kernel_part

@@ -49,13 +49,20 @@ def test_exchanges_are_weighed_as_if_markers_had_been_the_others(seed) -> None:
     before = np.concatenate([np.zeros((1, *sums.shape[1:])), sums])
     hidden = np.zeros((n_moments + 1, 3), dtype=bool)
     hidden[2], hidden[5], hidden[6, 0], hidden[-1] = True, (True, False, True), True, True
-    moments = MomentsOfPairs(before, explained(before[-1], SPACING), pairs, hidden, SPACING)
-    room = Room(np.empty((n_markers, n_markers)), np.empty(n_markers, dtype=np.intp), np.empty(WITNESSES))
+    gains = explained(before[-1], SPACING)
+    told = np.sort(gains, axis=1)[:, -WITNESSES:].sum(axis=1)
+    moments = MomentsOfPairs(before, gains, told, pairs, hidden, SPACING)
+    room = Room(
+        np.empty((n_markers, n_markers)), np.empty(n_markers), np.empty(n_markers, dtype=np.intp), np.empty(WITNESSES)
+    )
     found = np.empty((n_moments + 1, n_moments + 1))
-    weigh_spans(moments, room, found)
+    weigh_spans(moments, -np.inf, room, found)
     spans = {(2, 5): pairs[[0, 2]], (2, 8): pairs, (5, 8): pairs[[0, 2]]}
     assert {tuple(span) for span in np.argwhere(np.isfinite(found)).tolist()} == set(spans)
     for (first, end), exchanged in spans.items():
         tried = places.copy()
         tried[first:end, exchanged] = places[first:end, exchanged[:, ::-1]]
         assert found[first, end] == pytest.approx(evidence_of(distances_of(tried)), abs=ROUNDING)
+    best = max(map(float, found[np.isfinite(found)]))
+    weigh_spans(moments, best - ROUNDING, room, found)
+    assert found[np.isfinite(found)].tolist() == [best]

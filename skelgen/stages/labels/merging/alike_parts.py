@@ -12,12 +12,13 @@ are exchanged for trial in all spans of time at whose ends both of a pair are hi
 kept if it gains `LEAST_GAIN`.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from skelgen._kernels.alike_parts import LEAST_PAIRS, MomentsOfPairs, Room, UsualDistances, grow_part, weigh_spans
-from skelgen._kernels.marker_exchanges import LEAST_GAIN, explained
+from skelgen._kernels.marker_exchanges import LEAST_GAIN, explained, of_witnesses
 from skelgen._kernels.tracklet_evidence import WITNESSES
 from skelgen.geometry.statistics import pair_lengths
 from skelgen.model.arrays import Bools, Ints
@@ -42,7 +43,7 @@ MOST_ENDS = 32
 
 
 class _Exchange(NamedTuple):
-    """Pairs of markers that are exchanged, shape (n_pairs, 2), between two moments, and what is explained then."""
+    """Pairs of markers (n_pairs, 2) that are exchanged between two moments, and what is explained then [nats]."""
 
     pairs: Ints
     first: int
@@ -70,21 +71,15 @@ def exchange_alike(take: FollowedCloud, marker_of_point: Ints) -> Ints:
         return marker_of_point
     for _ in range(MOST_ROUNDS):
         parts = _AlikeParts(take, marker_of_point, n_markers)
-        best = parts.best_exchange()
-        if best is None or best.evidence < parts.evidence + LEAST_GAIN:
+        exchanges = parts.best_exchanges()
+        if not exchanges:
             break
-        marker_of_point = parts.exchanged(best)
+        marker_of_point = parts.exchanged(exchanges)
     return marker_of_point
 
 
 class _AlikeParts:
-    """Markers, when they are hidden, and the distances between them up to each moment.
-
-    Attributes
-    ----------
-    evidence : float, nats
-        How well the markers explain the take.
-    """
+    """Markers, when they are hidden, and the distances between them up to each moment."""
 
     def __init__(self, take: FollowedCloud, marker: Ints, n_markers: int) -> None:
         self._marker, self._spacing, self._frame = marker, take.spacing, take.frame_of_point()
@@ -105,34 +100,41 @@ class _AlikeParts:
             sums = np.cumsum(table * take.weights(self._moments), axis=1).T
             self._before[1:, number, first, second] = self._before[1:, number, second, first] = sums
         self._gains = explained(self._before[-1], self._spacing)
-        self.evidence = float(np.sort(self._gains, axis=1)[:, -WITNESSES:].sum())
+        self._told = of_witnesses(self._gains)[0]
         self._usual, self._deviation = np.zeros((2, n_markers, n_markers))
         for table, values in zip((self._usual, self._deviation), robust_laws(lengths, self._spacing), strict=True):
             table[first, second] = table[second, first] = values
         np.fill_diagonal(self._usual, np.nan)
 
-    def best_exchange(self) -> _Exchange | None:
-        """Find the exchange of alike parts with which the take is explained best."""
-        best: _Exchange | None = None
+    def best_exchanges(self) -> list[_Exchange]:
+        """Find exchanges with which the take is explained better, of those with markers in common the best."""
+        found, best = list[_Exchange](), list[_Exchange]()
         n_ends, n_markers = len(self._moments) + 1, len(self._gains)
-        evidence = np.empty((n_ends, n_ends))
-        room = Room(np.empty(self._gains.shape), np.empty(n_markers, dtype=np.intp), np.empty(WITNESSES))
+        evidence, least = np.empty((n_ends, n_ends)), float(self._told.sum()) + LEAST_GAIN
+        row, partner = np.empty(n_markers), np.empty(n_markers, dtype=np.intp)
+        room = Room(np.empty(self._gains.shape), row, partner, np.empty(WITNESSES))
         for pairs in self._parts():
             hidden = self._hidden_at(pairs)
-            weigh_spans(MomentsOfPairs(self._before, self._gains, pairs, hidden, self._spacing), room, evidence)
+            moments = MomentsOfPairs(self._before, self._gains, self._told, pairs, hidden, self._spacing)
+            weigh_spans(moments, least, room, evidence)
             first, end = np.unravel_index(int(evidence.argmax()), evidence.shape)
-            if evidence[first, end] > (-np.inf if best is None else best.evidence):
-                best = _Exchange(pairs[hidden[first] & hidden[end]], int(first), int(end), float(evidence[first, end]))
+            if evidence[first, end] > least:
+                some = pairs[hidden[first] & hidden[end]]
+                found.append(_Exchange(some, int(first), int(end), float(evidence[first, end])))
+        for exchange in sorted(found, key=lambda one: -one.evidence):
+            if not any(np.isin(exchange.pairs, other.pairs).any() for other in best):
+                best.append(exchange)
         return best
 
-    def exchanged(self, exchange: _Exchange) -> Ints:
-        """Return the marker of each point after an exchange."""
+    def exchanged(self, exchanges: Sequence[_Exchange]) -> Ints:
+        """Return the marker of each point after exchanges."""
         result = self._marker.copy()
-        for one, other in exchange.pairs:
-            begin, behind = (self._frame_of_end(moment, one, other) for moment in (exchange.first, exchange.end))
-            inside = (self._frame >= begin) & (self._frame < behind) & ~self._is_fixed
-            result[inside & (self._marker == one)] = other
-            result[inside & (self._marker == other)] = one
+        for pairs, first, end, _ in exchanges:
+            for one, other in pairs:
+                begin, behind = (self._frame_of_end(moment, one, other) for moment in (first, end))
+                inside = (self._frame >= begin) & (self._frame < behind) & ~self._is_fixed
+                result[inside & (self._marker == one)] = other
+                result[inside & (self._marker == other)] = one
         return result
 
     def _frame_of_end(self, moment: int, one: int, other: int) -> int:
