@@ -32,11 +32,11 @@ MOST_MARKERS = 128
 STEADY = 0.5
 """Spacings by which a distance may vary that tells which markers correspond."""
 
-MOST_ALIKE = 4
+MOST_ALIKE = 60
 """Correspondences that are looked at, those for which most speaks."""
 
-OWN_PART = 0.5
-"""Part of the pairs of a correspondence that none for which more speaks has."""
+SHARED_PART = 0.8
+"""Part of the pairs of a correspondence that one for which more speaks may have, too."""
 
 MOST_ENDS = 32
 """Moments at which spans begin or end, those at which most pairs are hidden."""
@@ -189,7 +189,7 @@ class _AlikeParts:
         chosen = list[Ints]()
         for _, pairs in sorted(grown, key=lambda part: -part[0]):
             names = {tuple(pair) for pair in np.sort(pairs, axis=1).tolist()}
-            if len(pairs) >= LEAST_PAIRS and all(len(names & other) <= OWN_PART * len(names) for other in kept):
+            if len(pairs) >= LEAST_PAIRS and all(len(names & other) <= SHARED_PART * len(names) for other in kept):
                 kept.append(names)
                 chosen.append(pairs)
             if len(chosen) == MOST_ALIKE:
