@@ -173,12 +173,13 @@ Unity, Unreal and Maya were not tried.
 """
 OPEN = """## Joints that the motion does not determine
 
-Where such a joint lies is a choice (see [skeleton](stages/skeleton.md#how-sure-it-is)), and files that hold joints say
-so: in a sentence with the names of these joints, or in a mark of each joint. Joints that the marker set places, as the
-motion alone does not determine them, are marked, too, in words of their own where there are words. BVH has no comments:
-the export says so, and a summary-json beside the file tells which joints these are. In `.raw-joints.c3d` of a run the
-points have the same descriptions as in c3d-joints. Marks beside angles are about the places of joints, not about the
-angles.
+Where such a joint lies is a choice, or the marker set that is worn or what is usual of bodies places it (see
+[skeleton](stages/skeleton.md#how-sure-it-is)), and files that hold joints say so: in a sentence with the names of these
+joints, or in a mark of each joint; which of these it is, where there are words. BVH has no comments: the export says
+so, and a summary-json beside the file tells which joints these are (`place`: `motion`, `marker_set`, `usual`,
+`in_part`, `choice`; of hinges that the motion determines but along their axes `usual_along_axis`, `choice_along_axis`).
+In `.raw-joints.c3d` of a run the points have the same descriptions as in c3d-joints. Marks beside angles are about the
+places of joints, not about the angles.
 """
 KEPT = """## What a written file keeps
 

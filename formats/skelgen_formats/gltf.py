@@ -24,10 +24,11 @@ from skelgen.files import replacing
 from skelgen.geometry.rotations import transform_from
 from skelgen.model import Project, Skeleton
 from skelgen.model.arrays import Floats
+from skelgen.model.placed_joints import place_of
 from skelgen.progress import Monitor, with_progress
 from skelgen_formats import bones
 from skelgen_formats.options import BONE_NAMES, METRES, RATE, REST, Format, Options, Writable, moving_project, per_mm
-from skelgen_formats.writing import UPRIGHT, place_remark, remark_on_up
+from skelgen_formats.writing import UPRIGHT, remark_on_up
 
 _TITLE = "glTF"
 _UP = "y"
@@ -135,7 +136,7 @@ def _bones(skeleton: Skeleton, rest: Floats, turns: Floats, ends: Sequence[int])
             stated |= {"joint": skeleton.joint_name(joint), "kind": joint.kind, "std_mm": std.tolist()}
             stated["determined"] = joint.is_determined
             stated["fully_determined"] = joint.is_fully_determined
-            stated |= {"place": remark} if (remark := place_remark(joint)) else {}
+            stated |= {"place": remark} if (remark := place_of(joint).remark) else {}
             stated |= {name: axis.tolist() for name, axis in axes.items() if axis is not None}
         yield node
 

@@ -19,6 +19,7 @@ from skelgen.files import replacing
 from skelgen.model import Limbs, PointCloud, Project, Skeleton, StageReport
 from skelgen.model.arrays import Floats, Ints
 from skelgen.model.limbs import with_names_of_limbs
+from skelgen.model.placed_joints import place_of
 from skelgen.model.questions import questions_on
 from skelgen.progress import Monitor
 from skelgen_formats.options import Format, Options, Writable
@@ -183,6 +184,7 @@ def _joints(project: Project) -> list[dict[str, object]]:
             "to_do": with_names_of_limbs(observed[index].advice, project.limbs) or None,
             **_fields(joint, "is_determined", "is_fully_determined", "open_directions"),
             "is_placed_by_marker_set": joint.is_placed_by_marker_set,
+            "place": place_of(joint).value,
         }
         for index, (name, joint) in enumerate(zip(skeleton.joint_names, skeleton.joints, strict=True))
     ]
@@ -251,6 +253,6 @@ FORMAT = Format(
     write=_write,
     check=lambda value, options: _project(value),
     keeps=("names", "confidence", "limbs", "kinds", "uncertainty"),
-    marks_open="`is_determined`, `is_placed_by_marker_set`, `not_determined` of each joint",
+    marks_open="`is_determined`, `place`, `not_determined` of each joint",
     note="Limbs, tree, joints, lengths, residuals, parameters, times and versions.",
 )

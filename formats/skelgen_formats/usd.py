@@ -26,6 +26,7 @@ from skelgen.geometry.rotations import transform_from
 from skelgen.geometry.up_axis import AS_RECORDED
 from skelgen.model import Project, Skeleton, Trajectories
 from skelgen.model.arrays import Floats
+from skelgen.model.placed_joints import place_of
 from skelgen.progress import Monitor, with_progress
 from skelgen_formats.bones import (
     along_bones,
@@ -55,7 +56,7 @@ from skelgen_formats.options import (
     moving_project,
     per_mm,
 )
-from skelgen_formats.writing import place_remark, turned_up
+from skelgen_formats.writing import turned_up
 
 _TITLE = "USD"
 _CODES = 24.0  # per second: Blender's frame rate, and USD's own default
@@ -160,7 +161,7 @@ def _define_skeleton(stage: Any, skeleton: Skeleton, bones: _Bones) -> Any:
         ("jointIsDetermined", {joint.child: joint.is_determined for joint in skeleton.joints}),
         ("jointIsFullyDetermined", {joint.child: joint.is_fully_determined for joint in skeleton.joints}),
     )
-    remarks = {joint.child: place_remark(joint) for joint in skeleton.joints}
+    remarks = {joint.child: place_of(joint).remark for joint in skeleton.joints}
     _state(prim, "jointPlaceRemarks", types.StringArray, [remarks.get(limb, "") for limb in bones.limbs])
     for name, of_limb in stated:
         _state(prim, name, types.BoolArray, [of_limb.get(limb, True) for limb in skeleton.outward.tolist()])

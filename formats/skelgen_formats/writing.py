@@ -15,9 +15,10 @@ import numpy as np
 from skelgen.errors import MissingResultError, WriteError
 from skelgen.files import replacing
 from skelgen.geometry.up_axis import AS_RECORDED, TURNS
-from skelgen.model import Joint, PointCloud, Poses, Project, Trajectories
+from skelgen.model import PointCloud, Poses, Project, Trajectories
 from skelgen.model.arrays import Floats
 from skelgen.model.filled import Filled, PositionSource
+from skelgen.model.placed_joints import Place, place_of
 from skelgen.progress import SILENT, Monitor
 from skelgen_formats.options import AUTO, AXES, Options, Writable
 from skelgen_formats.text import defused
@@ -303,28 +304,20 @@ def parts_in(project: Project) -> tuple[Part, ...]:
     return tuple(part for part in PARTS if part.is_in(project))
 
 
-NOT_DETERMINED = "not determined by the motion"
-"""What files say of a joint whose place is a choice."""
-
-NOT_DETERMINED_ALONG_AXIS = "place along the axis not determined by the motion"
-"""What they say of a hinge whose place along its axis is one."""
-
-
-PLACED_BY_MARKER_SET = "placed by the marker set, not determined by the motion"
-"""What they say of a joint whose place rests on the marker set that is worn."""
-
-
-def place_remark(joint: Joint) -> str:
-    """Say what the motion does not determine of a joint's place; empty if it determines all."""
-    if joint.is_fully_determined:
-        return ""
-    if joint.is_placed_by_marker_set:
-        return PLACED_BY_MARKER_SET
-    return NOT_DETERMINED_ALONG_AXIS if joint.is_determined else NOT_DETERMINED
+_OF_JOINTS = "The motion does not determine where these joints are"
+_OF_HINGES = "The motion does not determine where these hinges are along their axes"
+_SENTENCES = {
+    Place.CHOICE: f"{_OF_JOINTS}; their places are a choice",
+    Place.IN_PART: f"{_OF_JOINTS}; their places are in part a choice",
+    Place.MARKER_SET: f"{_OF_JOINTS}; the marker set places them",
+    Place.USUAL: f"{_OF_JOINTS}; what is usual of bodies places them",
+    Place.CHOICE_ALONG_AXIS: f"{_OF_HINGES}; that is a choice",
+    Place.USUAL_ALONG_AXIS: f"{_OF_HINGES}; what is usual of bodies places them",
+}
 
 
 def choices_in(project: Project) -> tuple[str, ...]:
-    """Say which joints the motion does not determine, and which of these the marker set places.
+    """Say which joints the motion does not determine, and what places these instead.
 
     Parameters
     ----------
@@ -333,13 +326,7 @@ def choices_in(project: Project) -> tuple[str, ...]:
     """
     if not project.has("skeleton"):
         return ()
-    sentences = {
-        NOT_DETERMINED: "The motion does not determine where these joints are; their places are a choice",
-        PLACED_BY_MARKER_SET: "The motion does not determine where these joints are; the marker set places them",
-        NOT_DETERMINED_ALONG_AXIS: "The motion does not determine where these hinges are along their axes; that is a"
-        " choice",
-    }
-    names: dict[str, list[str]] = {remark: [] for remark in sentences}
+    names: dict[Place, list[str]] = {place: [] for place in _SENTENCES}
     for name, joint in zip(project.skeleton.joint_names, project.skeleton.joints, strict=True):
-        names.get(place_remark(joint), []).append(name)
-    return tuple(f"{sentences[remark]}: {', '.join(of)}." for remark, of in names.items() if of)
+        names.get(place_of(joint), []).append(name)
+    return tuple(f"{_SENTENCES[place]}: {', '.join(of)}." for place, of in names.items() if of)

@@ -10,12 +10,12 @@ from pathlib import Path
 from skelgen_formats import registry
 from skelgen_formats.c3d.writer import write_points
 from skelgen_formats.registry import write_file
-from skelgen_formats.writing import place_remark
 
 from skelgen.app.project_file.archive import SUFFIX, save_project
 from skelgen.errors import SkelgenError, WriteError
 from skelgen.files import arriving_together
 from skelgen.model import Project, Trajectories
+from skelgen.model.placed_joints import place_of
 from skelgen.model.skeleton import joint_between
 from skelgen.parameters import ParameterValue
 from skelgen.progress import SILENT, Monitor
@@ -100,7 +100,7 @@ def _write_raw_joints(project: Project, path: Path) -> None:
     """Write the joints before the fit; after it, their descriptions say which the motion does not determine."""
     topology, trajectories = project.topology, project.trajectories
     names = tuple(joint_between(*(project.limbs.names[limb] for limb in edge)) for edge in topology.edges.tolist())
-    marks = [place_remark(joint) for joint in project.skeleton.joints] if project.has("skeleton") else []
+    marks = [place_of(joint).remark for joint in project.skeleton.joints] if project.has("skeleton") else []
     raw = Trajectories(topology.raw_joint_positions, names, trajectories.rate, trajectories.name)
     write_points(raw, path, "mm", descriptions=marks)
 

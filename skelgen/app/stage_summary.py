@@ -9,6 +9,7 @@ import numpy as np
 from skelgen.app.advice import REMEDIES, doubtful_share, left_out_share
 from skelgen.model import Joint, Limbs, PointCloud, Poses, Project, Take
 from skelgen.model.limbs import with_names_of_limbs
+from skelgen.model.placed_joints import Place, count_places
 from skelgen.progress import counted, frames_between
 
 _MOST_POINTERS = 200
@@ -243,17 +244,7 @@ def _about_skeleton(project: Project) -> Iterator[str]:
     n_axes = sum(map(_has_open_axis, project.skeleton.joints))
     if n_axes:
         yield f"The motion does not determine the axis of {counted(n_axes, 'joint')}."
-    n_by_set = sum(joint.is_placed_by_marker_set for joint in project.skeleton.joints)
-    if n_by_set:
-        yield f"The marker set places {counted(n_by_set, 'joint')}, as the motion does not."
-    n_open = sum(not joint.is_determined for joint in project.skeleton.joints) - n_by_set
-    if n_open:
-        verb = "lies" if n_open == 1 else "lie"
-        yield f"Where {counted(n_open, 'joint')} {verb} is a choice: the motion does not determine it."
-    n_along = sum(joint.is_determined and not joint.is_fully_determined for joint in project.skeleton.joints)
-    if n_along:
-        one, more = "its axis the place of 1 hinge is", f"their axes the places of {n_along} hinges are"
-        yield f"Along {one if n_along == 1 else more} a choice: turns about an axis do not show it."
+    yield from _about_places(project.skeleton.joints)
     residuals = project.motion.residuals
     seen = residuals[~np.isnan(residuals)]
     if len(seen):
@@ -261,6 +252,25 @@ def _about_skeleton(project: Project) -> Iterator[str]:
         yield f"Markers lie {seen.mean():.2f} mm from the skeleton on average, {middle}."
     unseen = float(project.motion.interpolated.mean()) if project.motion.limb_seen.size else 0.0
     yield f"{100 * unseen:.1f} % of the limbs' poses are interpolated."
+
+
+def _about_places(joints: Sequence[Joint]) -> Iterator[str]:
+    """How many joints the motion does not determine, by what places them instead."""
+    numbers = {place: number for place, number in count_places(joints).items() if number}
+    for place, what in ((Place.MARKER_SET, "The marker set"), (Place.USUAL, "What is usual of bodies")):
+        if place in numbers:
+            yield f"{what} places {counted(numbers[place], 'joint')}, as the motion does not."
+    for place, how in ((Place.IN_PART, "in part a choice"), (Place.CHOICE, "a choice")):
+        if place in numbers:
+            verb = "lies" if numbers[place] == 1 else "lie"
+            yield f"Where {counted(numbers[place], 'joint')} {verb} is {how}: the motion does not determine it."
+    if n_along := numbers.get(Place.USUAL_ALONG_AXIS):
+        axes = "its axis" if n_along == 1 else "their axes"
+        hinges = counted(n_along, "hinge")
+        yield f"What is usual of bodies places {hinges} along {axes}: turns about an axis do not show it."
+    if n_along := numbers.get(Place.CHOICE_ALONG_AXIS):
+        one, more = "its axis the place of 1 hinge is", f"their axes the places of {n_along} hinges are"
+        yield f"Along {one if n_along == 1 else more} a choice: turns about an axis do not show it."
 
 
 _SENTENCES = {"labels": _about_labels, "limbs": _about_limbs, "joints": _about_joints, "skeleton": _about_skeleton}

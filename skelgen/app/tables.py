@@ -15,6 +15,7 @@ from skelgen.kinematics.joints.observability import observed_joints
 from skelgen.model import Joint, PointCloud, Poses, Project, Take
 from skelgen.model.arrays import Floats, runs_of
 from skelgen.model.limbs import with_names_of_limbs
+from skelgen.model.placed_joints import place_of
 from skelgen.model.skeleton import joint_between
 
 Cell = str | int | float | bool | list[str] | list[float] | None
@@ -298,6 +299,7 @@ def _joint_rows(project: Project) -> list[Row]:
             row["is_determined"] = joint.is_determined
             row["is_fully_determined"] = joint.is_fully_determined
             row["is_placed_by_marker_set"] = joint.is_placed_by_marker_set
+            row["place"] = place_of(joint).value
             row["not_determined"] = with_names_of_limbs(observed[index].sentence, project.limbs) or None
             row["to_do"] = with_names_of_limbs(observed[index].advice, project.limbs) or None
         rows.append(row)

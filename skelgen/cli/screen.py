@@ -261,7 +261,7 @@ _KINDS = {"points": ("point",), "markers": ("marker",), "poses": ("body", "bodie
 _MOST_ASKED = 3  # questions; all are in the JSON and more in the report
 _ELSEWHERE = {
     *("cost_mm2", "margin_mm2", "rival", "rival_probability", "child_std_mm", "axis", "axis_std_deg"),
-    *("is_determined", "not_determined", "to_do"),
+    *("is_determined", "is_fully_determined", "is_placed_by_marker_set", "not_determined", "to_do"),
 }
 """Columns that no terminal has room for: they stand in the JSON and in the report; sentences are said as notes, too."""
 

@@ -94,9 +94,11 @@ class Joint:
         Of the child's rotation against the parent, in the parent's axes, by errors of the skeleton: it adds to the
         covariance by the noise of a frame.
     open_directions : int
-        In how many of three directions the motion alone does not determine the position in the parent: where it is
-        drawn along them is a choice, or what is known of joints of any body, and `std` says how well. The axis of a
+        In how many of three directions the motion alone does not determine the position in the parent. The axis of a
         hinge is the first of them.
+    usual_directions : int
+        In how many of these what is usual of bodies tells the position, and `std` says how well; where it is drawn
+        along the others is a choice. `placed_joints.place_of` says it in words.
     is_placed_by_marker_set : bool
         Whether the place rests on the marker set that a person wears, whose joints are known, because the motion alone
         does not determine it.
@@ -124,12 +126,16 @@ class Joint:
     open_directions: int = 0
     name: str = ""
     is_placed_by_marker_set: bool = False
+    usual_directions: int = 0
 
     def __post_init__(self) -> None:
         if self.kind not in JOINT_TYPES:
             raise InputError(f"a joint of type {self.kind!r}; types are {', '.join(JOINT_TYPES)}")
         if self.open_directions not in range(4):
             raise InputError(f"a joint whose place is open in {self.open_directions} of 3 directions")
+        if self.usual_directions not in range(self.open_directions + 1):
+            numbers = f"{self.usual_directions} of {self.open_directions} open directions"
+            raise InputError(f"a joint whose place is usual in {numbers}")
         vectors = ["position_in_parent", "position_in_child", "std", "second_axis", "axis_std", "second_axis_std"]
         vectors += [] if self.axis is None else ["axis"]
         squares = ("covariance", "covariance_in_child", "turn_covariance")

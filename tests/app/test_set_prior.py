@@ -11,6 +11,7 @@ import skelgen
 from skelgen.app.constraints import joints_of_person
 from skelgen.app.limb_names import read_limb_names
 from skelgen.model import Limbs
+from skelgen.model.placed_joints import Place, count_places
 from skelgen.stages.limbs.bodies import with_stated_bodies
 from skelgen.stages.names import PARENTS
 
@@ -61,6 +62,19 @@ def test_joints_that_motion_alone_does_not_determine_are_placed_by_the_set(walki
     assert len(said) == len(placed)
     unknown = skelgen.reconstruct(walking.take, parameters={"skeleton": {"known_build": False}})
     assert not any(joint.is_placed_by_marker_set for joint in unknown.skeleton.joints)
+
+
+def test_joints_of_people_at_usual_places_are_said_to_be_placed_by_no_set():
+    options = {"motion": "walk", "marker_set": "opencap", "soft_tissue": "realistic"}
+    take = skelgen.simulate("human", n_frames=100, seed=5, **options).take
+    some = np.flatnonzero(np.arange(take.n_markers) % 4 != 0)  # of which the set is not recognised
+    names = [f"M{marker}" for marker in some]
+    project = skelgen.reconstruct(skelgen.Trajectories(take.positions[:, some], names, take.rate))
+    places = count_places(project.skeleton.joints)
+    assert places[Place.USUAL] > 0
+    assert places[Place.MARKER_SET] == 0
+    notices = " ".join(project.reports["skeleton"].notices)
+    assert notices.count(Place.USUAL.words) >= places[Place.USUAL]
 
 
 def test_nothing_is_known_of_the_build_without_marker_sets(walking):

@@ -75,6 +75,11 @@ def test_a_skeleton_with_a_joint_that_motion_does_not_determine_is_doubtful(done
     [
         ({"kind": "undetermined"}, "Turns do not tell the type of 1 joint:"),
         ({"is_placed_by_marker_set": True}, "The marker set places 1 joint, as the motion does not."),
+        (
+            {"open_directions": 1, "usual_directions": 1},
+            "What is usual of bodies places 1 joint,",
+        ),
+        ({"open_directions": 2}, "Where 1 joint lies is in part a choice: the motion does not determine it."),
         ({"kind": "hinge", "axis": [1.0, 0.0, 0.0], "axis_std": [0.0, 0.1, 0.1]}, "determine the axis of 1 joint."),
     ],
 )

@@ -127,7 +127,7 @@ def test_joints_that_motion_leaves_open_say_so_in_their_descriptions(small_proje
     marked = replace(small_project, _skeleton=replace(small_project.skeleton, joints=joints))
     content = ezc3d.c3d(str(write_file(marked, tmp_path / "walk.joints.c3d")[0]))
     told = content["parameters"]["POINT"]["DESCRIPTIONS"]["value"][small_project.trajectories.n_markers :]
-    assert told == ["not determined by the motion", *[""] * len(others)]
+    assert told == ["its place is in part a choice: the motion does not determine it", *[""] * len(others)]
 
 
 def test_hinges_whose_place_along_their_axes_is_open_say_so(small_project, tmp_path):
@@ -136,7 +136,7 @@ def test_hinges_whose_place_along_their_axes_is_open_say_so(small_project, tmp_p
     marked = replace(small_project, _skeleton=replace(small_project.skeleton, joints=(hinge, *others)))
     content = ezc3d.c3d(str(write_file(marked, tmp_path / "walk.joints.c3d")[0]))
     told = content["parameters"]["POINT"]["DESCRIPTIONS"]["value"][small_project.trajectories.n_markers :]
-    assert told == ["place along the axis not determined by the motion", *[""] * len(others)]
+    assert told == ["its place along its axis is a choice: the motion does not determine it", *[""] * len(others)]
 
 
 def test_c3d_finds_the_joints_in_their_places(with_joints, small_project):

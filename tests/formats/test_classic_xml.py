@@ -171,10 +171,10 @@ def test_tracked_markers_come_back_exactly_with_their_names_and_gaps(file, small
 
 
 def test_directions_that_motion_leaves_open_come_back(small_project, tmp_path):
-    joints = tuple(replace(joint, open_directions=2) for joint in small_project.skeleton.joints)
+    joints = tuple(replace(joint, open_directions=2, usual_directions=1) for joint in small_project.skeleton.joints)
     project = replace(small_project, _skeleton=replace(small_project.skeleton, joints=joints))
     back = read_classic_xml(written(project, tmp_path / "open.xml")[0]).skeleton.joints
-    assert {joint.open_directions for joint in back} == {2}
+    assert {(joint.open_directions, joint.usual_directions) for joint in back} == {(2, 1)}
     assert not any(joint.is_determined for joint in back)
 
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from skelgen.model import Project
 from skelgen.model.filled import Filled, PositionSource
+from skelgen.model.placed_joints import place_of
 from skelgen.progress import Monitor
 from skelgen_formats.c3d.companions import companions_of
 from skelgen_formats.c3d.layout import MAGIC, MOST_HEADER_FRAMES
@@ -35,7 +36,6 @@ from skelgen_formats.writing import (
     check_markers,
     marker_files,
     markers_to_write,
-    place_remark,
     positions_of,
     trajectories_of,
     write_table,
@@ -108,7 +108,7 @@ def _write_joints(value: Writable, path: Path, options: Options, monitor: Monito
     )
     measured = np.where(markers.seen, PositionSource.MEASURED, PositionSource.NONE)
     computed = np.full(joints.shape[:2], PositionSource.JOINT)
-    marks = [place_remark(joint) for joint in project.skeleton.joints]
+    marks = [place_of(joint).remark for joint in project.skeleton.joints]
     descriptions = [""] * markers.n_markers + marks
     write_points(points, path, options.unit, np.concatenate([measured, computed], axis=1), descriptions=descriptions)
 

@@ -102,7 +102,7 @@ FORMAT = Format(
     check=lambda value, options: finished_project(value, TITLE),
     options=(AXES, RATE, XML_DETAIL, COMPACT),
     keeps=("markers", "names", "limbs", "joints", "kinds", "uncertainty", "motion"),
-    marks_open="attributes `OPENDIRECTIONS` and `PLACEDBY` of `JOINT`",
+    marks_open="attributes `OPENDIRECTIONS`, `USUALDIRECTIONS` and `PLACEDBY` of `JOINT`",
     remarks=_remarks,
     note="What is found of a finished project; with the detail all, as a take it gives back the tracked markers.",
 )

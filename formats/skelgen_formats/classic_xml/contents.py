@@ -128,6 +128,7 @@ class JointFacts:
 
     kind: str
     open_directions: int
+    usual_directions: int
     is_placed_by_marker_set: bool
     position_in_parent: list[float]
     position_in_child: list[float]
@@ -296,6 +297,7 @@ def _joint(edge: tuple[int, int], facts: JointFacts | None, limb_names: Sequence
         std=np.array(facts.std),
         second_axis=second,
         open_directions=facts.open_directions,
+        usual_directions=facts.usual_directions,
         is_placed_by_marker_set=facts.is_placed_by_marker_set,
         name="" if facts.name == joint_between(limb_names[parent], limb_names[child]) else facts.name,
         **deviations,

@@ -234,6 +234,7 @@ class _Reader:
         return JointFacts(
             kind=self._text(element, "KIND"),
             open_directions=self._int(element, "OPENDIRECTIONS") if "OPENDIRECTIONS" in element.attrib else 0,
+            usual_directions=self._int(element, "USUALDIRECTIONS") if "USUALDIRECTIONS" in element.attrib else 0,
             is_placed_by_marker_set=element.get("PLACEDBY") == BY_MARKER_SET,
             position_in_parent=self._vector(element, "POSITIONINPARENT", 3),
             position_in_child=self._vector(element, "POSITIONINBONE", 3),

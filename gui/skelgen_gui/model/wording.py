@@ -12,6 +12,7 @@ from skelgen.kinematics.joints.joint_type import DETERMINED_TYPES
 from skelgen.model import Project
 from skelgen.model.arrays import Floats
 from skelgen.model.corrections import Correction
+from skelgen.model.placed_joints import place_of
 from skelgen_gui.model import translate
 from skelgen_gui.model.scene import Scene, Snapshot, State
 from skelgen_gui.model.selection import JOINT, MARKER, Pick, Selection
@@ -80,12 +81,8 @@ def _joint(joint: int, project: Project, snapshot: Snapshot) -> list[str]:
     if project.has("skeleton"):
         fitted = project.skeleton.joints[joint]
         lines.append(_kind(fitted.kind))
-        if fitted.is_placed_by_marker_set:
-            lines.append(_tr("the marker set places it: the motion does not determine where it is"))
-        elif not fitted.is_determined:
-            lines.append(_tr("its place is a choice: the motion does not determine it"))
-        elif not fitted.is_fully_determined:
-            lines.append(_tr("its place along its axis is a choice: the motion does not determine it"))
+        if remark := place_of(fitted).remark:
+            lines.append(_tr(remark))
     lines.append(_place(snapshot.joints[joint]))
     if len(snapshot.covariances):
         std = float(np.sqrt(np.trace(snapshot.covariances[joint])))  # as the curve of the deviation has it

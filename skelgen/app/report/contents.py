@@ -33,7 +33,8 @@ from skelgen.app.report.pictures import cost_figure
 from skelgen.app.report.play import PlayContent, play_content
 from skelgen.app.report.skeleton import graph_figure, pose_figures, sign_figure, tree_figure
 from skelgen.app.stage_summary import stage_notices
-from skelgen.model import PointCloud, Poses, Project
+from skelgen.model import Joint, PointCloud, Poses, Project
+from skelgen.model.placed_joints import Place, count_places
 from skelgen.model.skeleton import JOINT_TYPES
 from skelgen.parameters import Declaration
 from skelgen.progress import SILENT, Monitor, counted, listed
@@ -287,15 +288,21 @@ def _tree_sentence(project: Project) -> str:
     types = Counter(joint.kind for joint in project.skeleton.joints) if project.has("skeleton") else Counter[str]()
     named = listed(f"{types[kind]} {kind}" for kind in JOINT_TYPES if types[kind])
     joints = counted(topology.n_joints, "joint") + (f" ({named})" if named else "")
-    n_doubtful, n_open, by_set = len(topology.doubtful), 0, ""
-    if project.has("skeleton"):
-        n_by_set = sum(joint.is_placed_by_marker_set for joint in project.skeleton.joints)
-        by_set = f"; the marker set places {n_by_set} of them" if n_by_set else ""
-        n_open = sum(not joint.is_determined for joint in project.skeleton.joints)
+    n_doubtful = len(topology.doubtful)
     doubts = f" {counted(n_doubtful, 'edge')} of the tree may be another." if n_doubtful else ""
-    doubts += f" The motion does not determine where {counted(n_open, 'joint')} lie{by_set}." if n_open else ""
+    doubts += _open_joints(project.skeleton.joints) if project.has("skeleton") else ""
     shape = "a tree" if len(topology.roots) == 1 else f"{len(topology.roots)} separate trees"
     return f"{joints} connect them to {shape} with {roots} as root.{_bodies(project)}{doubts}"
+
+
+def _open_joints(joints: Sequence[Joint]) -> str:
+    """How many joints the motion does not determine, and what places how many of them instead."""
+    n_open, numbers = sum(not joint.is_determined for joint in joints), count_places(joints)
+    if not n_open:
+        return ""
+    by = {Place.MARKER_SET: "the marker set", Place.USUAL: "what is usual of bodies"}
+    placed = [f"; {what} places {numbers[place]} of them" for place, what in by.items() if numbers[place]]
+    return f" The motion does not determine where {counted(n_open, 'joint')} lie{''.join(placed)}."
 
 
 def _bodies(project: Project) -> str:

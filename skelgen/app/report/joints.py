@@ -18,6 +18,7 @@ from skelgen.model import Joint, Project
 from skelgen.model.arrays import Floats
 from skelgen.model.joint_spans import JointSpan
 from skelgen.model.limbs import with_names_of_limbs
+from skelgen.model.placed_joints import place_of
 
 _OPEN_FIGURES, _MOST_FIGURES = 2, 24
 """Joints whose angles are drawn at once, and those that can be opened: a page of some megabytes is enough."""
@@ -72,7 +73,7 @@ class JointsContent:
         Joints that hold for a part of the take only.
     fitted : list of tuple
         Every joint of the skeleton, the standard deviations [mm] of its position in the parent and in the child, and
-        what places it where the motion does not: the marker set, or a choice. Empty before there is a skeleton.
+        what places it where the motion does not (`placed_joints.Place.words`). Empty before there is a skeleton.
     alpha : str
         Weight of the distance from the markers in the cost.
     """
@@ -128,16 +129,7 @@ def _rival(joint: JointCost) -> str:
 
 def _fitted(joint: Joint) -> tuple[Joint, str, str, str]:
     in_parent, in_child = (_place_std(joint, one) for one in (joint.place_covariance, joint.covariance_in_child))
-    return joint, in_parent, in_child, _placed_by(joint)
-
-
-def _placed_by(joint: Joint) -> str:
-    """What places a joint where the motion does not; empty if it does."""
-    if joint.is_placed_by_marker_set:
-        return "by the marker set"
-    if joint.is_determined:
-        return "" if joint.is_fully_determined else "a choice along its axis"
-    return "a choice"
+    return joint, in_parent, in_child, place_of(joint).words
 
 
 def _place_std(joint: Joint, covariance: Floats | None) -> str:

@@ -20,6 +20,7 @@ from skelgen.app.drawing.wording import as_many_as_fit, clipped, digits, plain
 from skelgen.model import Joint, Project
 from skelgen.model.arrays import Floats
 from skelgen.model.limbs import body_and_limb
+from skelgen.model.placed_joints import place_of
 from skelgen.progress import counted
 
 _BOX_WIDTH, _BOX_HEIGHT = 148.0, 36.0
@@ -123,21 +124,22 @@ def _edge(project: Project, lengths: list[measures.Length], places: list[_Place]
     across, down, until, final = (svg.number(value) for value in (start.x, start.y, end.x, end.y))
     curve = f"M{across} {down}C{bend} {down} {bend} {final} {until} {final}"
     length = measures.bone_length(lengths, project.topology, joint)
-    kind = project.skeleton.joints[joint].kind if project.has("skeleton") else ""
+    fitted = project.skeleton.joints[joint] if project.has("skeleton") else None
+    kind = "" if fitted is None else fitted.kind
     words = [f"J{joint}", kind, "" if np.isnan(length) else f"{digits(length)} mm"]
     is_doubtful = joint in project.topology.doubtful
     if is_doubtful and project.topology.edge_probability is not None:
         words.append(f"{100 * project.topology.edge_probability[joint]:.0f} %")
-    where = _where(project.skeleton.joints[joint]) if project.has("skeleton") else ""
+    is_open = fitted is not None and not fitted.is_determined
     parts = [
-        svg.tag("title", f"joint J{joint}{where}"),
+        svg.tag("title", _joint_title(fitted, joint)),
         svg.tag("path", d=curve, cls="edge doubtful" if is_doubtful else "edge"),
         sign_figure(kind, end.x - 12, end.y),
         svg.text(
             places[child].x + 2,
             places[child].y - 6,
             " · ".join(filter(None, words)),
-            "small doubtful" if is_doubtful or where else "small",
+            "small doubtful" if is_doubtful or is_open else "small",
         ),
     ]
     return svg.group(*parts)
@@ -308,16 +310,14 @@ def _view(project: Project, body: _Body, view: poses.View, scale: float) -> Mark
 
 def _joint(joint: Joint, index: int, x: float, y: float) -> Markup:
     """A ring; dashed where the motion does not determine the place, or that of a hinge along its axis."""
-    along = "" if joint.is_fully_determined or not joint.is_determined else ": its place along its axis is a choice"
     cls = "joint" if joint.is_fully_determined else "joint open"
-    return svg.circle(x, y, 3.5, cls, f"joint J{index}{along or _where(joint)}")
+    return svg.circle(x, y, 3.5, cls, _joint_title(joint, index))
 
 
-def _where(joint: Joint) -> str:
-    """What its tooltip adds to the number of a joint that the motion does not determine."""
-    if joint.is_determined:
-        return ""
-    return ": placed by the marker set" if joint.is_placed_by_marker_set else ": its place is a choice"
+def _joint_title(joint: Joint | None, index: int) -> str:
+    """The tooltip of a joint: its number, and what places it where the motion does not, if there is a skeleton."""
+    words = "" if joint is None else place_of(joint).words
+    return f"joint J{index}: {words}" if words else f"joint J{index}"
 
 
 def _limb(project: Project, limb: int, body: _Body) -> Markup:

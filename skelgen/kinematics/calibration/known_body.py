@@ -52,6 +52,8 @@ class KnownBody:
         Origins of the segments, which are their joints to their parents, in the parents' frames.
     misplaced : float, mm
         Standard deviation of a coordinate of a marker from its place.
+    marker_set : str
+        Name of the marker set that is worn; empty where markers are at usual places of a body, of no set that is known.
     """
 
     segments: Ints
@@ -59,6 +61,7 @@ class KnownBody:
     parents: Ints
     joints: Floats
     misplaced: float = MISPLACED
+    marker_set: str = ""
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,6 +11,7 @@ from skelgen.geometry.rotations import nearest_rotation
 from skelgen.kinematics.joints.angles import turns_that_are_seen
 from skelgen.model import Joint, Motion, Skeleton
 from skelgen.model.arrays import Floats, evenly_spread
+from skelgen.model.placed_joints import Place, place_of
 
 DETERMINED_PART = 0.1
 """Of a limb's size: a position with a larger standard deviation is called not determined."""
@@ -198,15 +199,15 @@ def observed_joints(skeleton: Skeleton, motion: Motion) -> tuple[Observed, ...]:
 def _not_by_motion(joint: Joint, motion: RangeOfMotion, n_open: int, is_shown: bool) -> Iterator[str]:
     """Say what places a joint where motion alone does not, and that its type is open although frames show its turns.
 
-    What is known of joints of any body places it in the directions that motion leaves open and that are known (`n_open`
-    are not).
+    Choices are said with their deviations, unless none is stated that large (`n_open` is 0).
     """
-    if joint.is_placed_by_marker_set:
-        yield "is placed by the marker set: the motion alone does not determine where it is"
-    elif joint.open_directions > n_open and joint.is_determined:
-        yield "turns about one axis only: what is known of such joints places it along that axis"
-    elif joint.open_directions > n_open:
-        yield "lies where joints of such limbs are expected: the motion alone does not determine where it is"
+    place = place_of(joint)
+    if place in {Place.MARKER_SET, Place.USUAL}:
+        yield f"is {place.words}: the motion alone does not determine where it is"
+    elif place is Place.USUAL_ALONG_AXIS:
+        yield f"turns about one axis only: it is {place.words}"
+    elif place is not Place.MOTION and not n_open:
+        yield f"is left open by the motion: {place.words}"
     if joint.kind == "undetermined" and is_shown:
         turn = motion.ranges[0]
         hidden = f"turns by {np.rad2deg(turn):.0f} deg, but errors of the markers hide its type"

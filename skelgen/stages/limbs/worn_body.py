@@ -67,7 +67,8 @@ def worn_body(positions: Floats, limb_of_marker: Ints) -> KnownBody | None:
     match, worn, together = found
     person = usual_person(worn.name)
     offsets = np.concatenate([limb.markers for limb in person.limbs])
-    offsets = _expected(positions, match, offsets) if worn is worn_places() else offsets[match.of_set]
+    is_set = worn is not worn_places()
+    offsets = offsets[match.of_set] if is_set else _expected(positions, match, offsets)
     segments = worn.segments[match.of_set]
     size = _size(positions[:, match.markers], offsets, together)
     mirror = MIRROR if _is_mirrored(positions[:, match.markers], person, match) else np.ones(3)
@@ -76,7 +77,8 @@ def worn_body(positions: Floats, limb_of_marker: Ints) -> KnownBody | None:
     segment_of_marker[match.markers[fits]] = segments[fits]
     places[match.markers] = size * mirror * offsets
     joints = np.array([limb.joint for limb in person.limbs])
-    return KnownBody(segment_of_marker, places, person.parents, size * mirror * joints, misplaced)
+    called = worn.name if is_set else ""
+    return KnownBody(segment_of_marker, places, person.parents, size * mirror * joints, misplaced, called)
 
 
 def _expected(positions: Floats, match: Match, places: Floats) -> Floats:

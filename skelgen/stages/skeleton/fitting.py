@@ -233,7 +233,7 @@ def _fitted_chain(
         by_motion = found.last.known_information
         found, astray = _within_reach(found, astray, worn=worn, segments=segments)
         last = found.last
-        placed = joints_of_limbs(last.chain, known_limbs(last.chain, worn)) if worn is not None else set()
+        placed = joints_of_limbs(last.chain, known_limbs(last.chain, worn)) if worn and worn.marker_set else set()
         still, fits = np.zeros(last.chain.n_limbs), (replace(last, known_information=by_motion), last)
         alone, errors = (body_joints.errors_of_limbs(fit, found.types, {}, still, found.correlated) for fit in fits)
         n_open, by_set = body_joints.places_left_open((alone, errors), found.types, astray, placed)

@@ -197,10 +197,11 @@ def _make_skeleton(fitted: list[FittedBody], limbs: Limbs, topology: Topology) -
 
 
 def _with_open_directions(skeleton: Skeleton, joint: Joint, n_by_motion: int) -> Joint:
-    """Note in how many directions motion leaves a joint open, or motion and what is known of it."""
+    """Note in how many directions motion leaves a joint open, and in how many of these what is usual tells it."""
     axis = joint.axis if joint.kind == "hinge" else None
     n_open = open_directions(joint.place_covariance, size_of_limb(skeleton, joint.child), axis)
-    return replace(joint, open_directions=max(n_open, n_by_motion))
+    usual = 0 if joint.is_placed_by_marker_set else max(n_by_motion - n_open, 0)
+    return replace(joint, open_directions=max(n_open, n_by_motion), usual_directions=usual)
 
 
 def _make_motion(fitted: list[FittedBody], trajectories: Trajectories, skeleton: Skeleton) -> Motion:

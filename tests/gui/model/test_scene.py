@@ -291,7 +291,11 @@ def test_the_axis_that_points_up_is_found_in_recordings(recording, path, up):
     ("changed", "words"),
     [
         ({"open_directions": 3}, "its place is a choice: the motion does not determine it"),
-        ({"is_placed_by_marker_set": True}, "the marker set places it: the motion does not determine where it is"),
+        ({"is_placed_by_marker_set": True}, "placed by the marker set: the motion does not determine it"),
+        (
+            {"open_directions": 3, "usual_directions": 3},
+            "placed by what is usual of bodies: the motion does not determine it",
+        ),
     ],
 )
 def test_a_joint_that_motion_does_not_determine_is_marked_and_says_who_places_it(walked, changed, words):

@@ -8,6 +8,7 @@ import pytest
 from skelgen.geometry.rotations import matrix_from_vector
 from skelgen.kinematics.joints.observability import observed_joints, open_directions, range_of_motion
 from skelgen.model import Joint, Motion, Skeleton
+from skelgen.model.placed_joints import place_of
 
 SIZE = 100.0  # mm
 
@@ -35,13 +36,14 @@ def test_limbs_that_never_move_have_no_range():
 def joined():
     """`joined(kind, ranges, deviations or covariance)`: two limbs of `SIZE` whose joint turns and is known so."""
 
-    def make(kind, ranges, deviations, along=(0, 0, 0), limb_of_marker=(0, 0, 0, 1, 1, 1), is_seen=True):
+    def make(kind, ranges, deviations, along=(0, 0, 0), limb_of_marker=(0, 0, 0, 1, 1, 1), is_seen=True, **facts):
         turns = swing(ranges)
         world = np.tile(np.eye(4), (len(turns), 2, 1, 1))
         world[:, 1, :3, :3] = turns
         axis = np.array([1.0, 0.0, 0.0]) if kind == "hinge" else None
         covariance = np.diag(np.square(deviations)).astype(float) if np.ndim(deviations) == 1 else deviations
-        joint = Joint(0, 1, np.zeros(3), np.zeros(3), kind, axis, np.sqrt(np.diag(covariance)), covariance=covariance)
+        std = np.sqrt(np.diag(covariance))
+        joint = Joint(0, 1, np.zeros(3), np.zeros(3), kind, axis, std, covariance=covariance, **facts)
         offsets = np.array([[SIZE, 0, 0], [0, SIZE, 0], [0, 0, SIZE]] * 2)
         offsets[3:] += 3 * SIZE * np.array(along)
         labels, pose = np.array(limb_of_marker), np.tile(np.eye(4), (2, 1, 1))
@@ -97,6 +99,20 @@ def test_the_direction_in_which_a_place_is_open_is_said_in_words(joined, known, 
 def test_a_joint_is_named_once(joined):
     said = joined("undetermined", (20, 2, 2), [1, 15, 1]).sentence
     assert said.startswith("the joint between limb 0 and 1 turns too little to tell its type; it turns too little (")
+
+
+@pytest.mark.parametrize(
+    ("kind", "facts"),
+    [
+        ("ball", {"is_placed_by_marker_set": True}),
+        ("ball", {"open_directions": 2, "usual_directions": 2}),
+        ("hinge", {"open_directions": 1, "usual_directions": 1}),
+        ("ball", {"open_directions": 3}),
+    ],
+)
+def test_what_places_a_joint_is_said_in_the_words_of_report_and_files(joined, kind, facts):
+    joint = Joint(0, 1, np.zeros(3), np.zeros(3), kind, np.eye(3)[0] if kind == "hinge" else None, np.ones(3), **facts)
+    assert place_of(joint).words in joined(kind, (60, 30, 10), [1, 1, 1], **facts).sentence
 
 
 def test_turns_that_suffice_are_not_called_too_little(joined):

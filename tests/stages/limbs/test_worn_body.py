@@ -99,6 +99,7 @@ def test_joints_are_known_from_usual_places_where_the_set_is_not():
     some = np.arange(len(limb_of_marker)) % 4 != 0  # of which the set is not recognised
     of_places = worn_body(positions[:, some], limb_of_marker[some])
     assert of_set.misplaced < of_places.misplaced
+    assert (of_set.marker_set, of_places.marker_set) == ("opencap", "")
     bodies = (of_set, case.truth.limb_names), (of_places, usual_person(EVERY_PLACE).limb_names)
     gaps = [np.linalg.norm(np.diff(hips(body, list(names)), axis=0)) for body, names in bodies]
     assert abs(gaps[0] - gaps[1]) < PROPORTIONS

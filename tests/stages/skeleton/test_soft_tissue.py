@@ -70,4 +70,4 @@ def test_joint_that_only_what_is_known_of_bodies_places_is_marked_however_well_i
     assert seen["right knee"].n_open == 0  # motion and prior together leave nothing open
     assert not knee.is_placed_by_marker_set
     assert not knee.is_determined
-    assert "lies where joints of such limbs are expected" in seen["right knee"].sentence
+    assert "is placed by what is usual of bodies" in seen["right knee"].sentence
