@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from skelgen.errors import InputError
 from skelgen.model.arrays import Bools, Floats, Ints, check_floats, check_ints, set_fields
+from skelgen.model.renaming import with_renamed_markers
 
 DOUBT_KINDS = ("piece", "alone", "rare", "rival", "misfit", "unsupported", "repaired")
 """Why a span is doubtful. ``piece``: the marker is probably a part of another one. ``alone``: its distance to no other
@@ -141,6 +143,19 @@ class Doubt:
             raise InputError(f"a doubt of the kind {self.kind!r}; kinds are {', '.join(DOUBT_KINDS)}")
         if not 0 <= self.first_frame <= self.last_frame:
             raise InputError(f"a doubtful span from frame {self.first_frame} to frame {self.last_frame}")
+
+    def renamed(self, before: Sequence[str], now: Sequence[str]) -> Doubt:
+        """Return the same with other names in its reason; what the file called a marker stays.
+
+        Parameters
+        ----------
+        before, now : sequence of str
+            Names of all markers.
+        """
+        names = {before[self.marker]: now[self.marker]}
+        if self.rival >= 0:
+            names |= {before[self.rival]: (before if self.kind == "repaired" else now)[self.rival]}
+        return replace(self, reason=with_renamed_markers([self.reason], names, ())[0])
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import chain, count
 
@@ -213,26 +213,3 @@ def with_names_of_limbs(sentence: str, limbs: Limbs) -> str:
         return re.sub(r"(?:limbs? )?([0-9]+)", lambda number: limbs.called(int(number[1])), match[0])
 
     return re.sub(r"\blimbs? [0-9]+(?:(?:, | and (?:limb )?)[0-9]+\b)*(?![.,]?[0-9])", named, sentence)
-
-
-def with_other_names(sentences: Sequence[str], renamed: Mapping[str, str], kept: Iterable[str]) -> tuple[str, ...]:
-    """Return sentences in which some names are replaced where they stand as whole words.
-
-    Parameters
-    ----------
-    sentences : sequence of str
-        They speak of markers and limbs.
-    renamed : mapping of str to str
-        Names, and what takes their places.
-    kept : iterable of str
-        Names that stay, also where another name is a part of them.
-
-    Examples
-    --------
-    >>> with_other_names(["head 1 is on head, head 2 is on chest"], {"head": "skull"}, ["head 1", "head 2"])
-    ('head 1 is on skull, head 2 is on chest',)
-    """
-    names = {**renamed, **{name: name for name in kept}}
-    longest_first = sorted(names, key=len, reverse=True)
-    pattern = re.compile(rf"(?<!\w)(?:{'|'.join(map(re.escape, longest_first))})(?!\w)")
-    return tuple(pattern.sub(lambda found: names[found[0]], sentence) for sentence in sentences)

@@ -13,7 +13,8 @@ from skelgen.model import tables
 from skelgen.model.arrays import Ints, check_whole, set_fields
 from skelgen.model.corrections import Correction, Identities
 from skelgen.model.labelling import Labelling
-from skelgen.model.limbs import Limbs, names_of_bodies, with_other_names
+from skelgen.model.limbs import Limbs, names_of_bodies
+from skelgen.model.renaming import with_other_names, with_renamed_markers
 from skelgen.model.skeleton import Motion, Skeleton
 from skelgen.model.takes import Take, Trajectories
 from skelgen.model.topology import Topology
@@ -262,8 +263,24 @@ class Project:
         )
 
     def renamed(self, names: Sequence[str]) -> Project:
-        """Return a project whose markers have other names; nothing else depends on these."""
-        return replace(self, _trajectories=replace(self.trajectories, names=tuple(names)))
+        """Return a project whose markers have other names, in what is said of them, too; nothing else depends on these.
+
+        Parameters
+        ----------
+        names : sequence of str
+            Of all markers.
+        """
+        before, limbs = self.trajectories.names, () if self._limbs is None else self._limbs.names
+        renamed = dict(zip(before, names, strict=True))
+        reports = {
+            stage: replace(report, notices=with_renamed_markers(report.notices, renamed, limbs))
+            for stage, report in self.reports.items()
+        }
+        labelling = self._labelling
+        if labelling is not None:
+            labelling = replace(labelling, doubts=tuple(doubt.renamed(before, names) for doubt in labelling.doubts))
+        trajectories = replace(self.trajectories, names=tuple(names))
+        return replace(self, _trajectories=trajectories, _labelling=labelling, reports=reports)
 
     def with_limb_names(self, names: Sequence[str]) -> Project:
         """Return a project whose limbs are called otherwise, in notices, too; nothing else depends on their names."""

@@ -16,6 +16,7 @@ from skelgen.cli import main
 from skelgen.errors import InputError
 from skelgen.model import Project, Trajectories
 from skelgen.model.corrections import RULES, Correction
+from skelgen.model.labelling import Doubt
 from skelgen.simulation import simulate
 from skelgen.stages.labels import stated_positions
 
@@ -105,6 +106,20 @@ def test_notices_call_a_limb_as_it_is_called_now(human):
     named = with_correction(dataclasses.replace(human, reports=reports), Correction("name", ("head 1",), value="skull"))
     assert named.reports["limbs"].notices == ("head 1 is on skull (60 %), but could be on neck (40 %)",)
     assert without_correction(named, len(named.corrections) - 1).reports["limbs"].notices == (said,)
+
+
+def test_notices_call_a_marker_as_it_is_called_now(human):
+    notices = ("head 1 is on head (60 %), but could be on neck (40 %)", "head 10, head 1 and head 2 are one")
+    reports = {**human.reports, "limbs": dataclasses.replace(human.reports["limbs"], notices=notices)}
+    marker = human.trajectories.names.index("head 1")
+    doubt = Doubt(marker, 3, 9, "misfit", -1, 0.2, "the distances of head 1 to others")
+    project = dataclasses.replace(
+        human, reports=reports, _labelling=dataclasses.replace(human.labelling, doubts=(doubt,))
+    )
+    renamed = with_correction(project, Correction("rename", ("head 1",), value="LFHD"))
+    now = ("LFHD is on head (60 %), but could be on neck (40 %)", "head 10, LFHD and head 2 are one")
+    assert renamed.reports["limbs"].notices == now
+    assert renamed.labelling.doubts[0].reason == "the distances of LFHD to others"
 
 
 def test_what_is_confirmed_stays_certain_when_the_marker_is_renamed(human):
