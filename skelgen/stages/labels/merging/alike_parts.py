@@ -8,8 +8,8 @@ Which markers correspond is found first. From each pair of markers a corresponde
 which the steady distances to what corresponds already speak most, as left and right markers lie as far from their
 neighbours, to within what hands place markers alike (`_kernels.alike_parts`). The best correspondences, which may pair
 the limbs of two people, too, are divided by a tree of clusters, whose nodes are feet, legs, sides. The pairs of each
-are exchanged for trial in all spans of time at whose ends both of a pair are hidden, and what explains the take best is
-kept if it gains `LEAST_GAIN`.
+are exchanged for trial in all spans of time at whose ends both of a pair are hidden. What explains the take better by
+`LEAST_GAIN` is kept, of exchanges with a marker in common the best one.
 """
 
 from collections.abc import Sequence
@@ -87,6 +87,7 @@ class _AlikeParts:
         self._free = ~take.is_stated(marker, n_markers)
         self._moments = take.moments(n_markers)
         self._own = self._moments >= take.n_known
+        self._hidden: dict[tuple[int, int], Bools] = {}
         places = point_labels.sampled_positions(take.cloud, marker, self._moments, n_markers)
         self._is_placed = ~np.isnan(places[..., 0])
         self._is_seen = np.zeros((self._n_frames, n_markers), dtype=bool)
@@ -147,11 +148,7 @@ class _AlikeParts:
 
     def _hidden_at(self, pairs: Ints) -> Bools:
         """Whether both of each pair are hidden in front of each moment, at the moments that matter most."""
-        hidden = np.zeros((len(self._moments) + 1, len(pairs)), dtype=bool)
-        both: Bools = np.asarray(~self._is_seen[:, pairs].any(axis=2))
-        ends = zip(self._moments[:-1].tolist(), self._moments[1:].tolist(), strict=True)
-        for row, (before, moment) in enumerate(ends, 1):
-            hidden[row] = self._own[row] & both[before + 1 : moment + 1].any(axis=0)
+        hidden = np.stack([self._hidden_pair(one, other) for one, other in pairs.tolist()], axis=1)
         placed: Bools = np.asarray(self._is_placed[:, pairs].any(axis=(1, 2)))
         count = hidden.sum(axis=1)
         for row in range(1, len(self._moments)):
@@ -162,13 +159,20 @@ class _AlikeParts:
         hidden[-1] = True
         return hidden
 
+    def _hidden_pair(self, one: int, other: int) -> Bools:
+        """Whether two markers are hidden in a frame between each moment and that before it, shape (n_moments + 1,)."""
+        if (hidden := self._hidden.get((one, other))) is None:
+            unseen = ~(self._is_seen[:, one] | self._is_seen[:, other])[: self._moments[-1] + 1]
+            hidden = np.zeros(len(self._moments) + 1, dtype=bool)
+            if len(self._moments) > 1:
+                hidden[1:-1] = np.logical_or.reduceat(unseen, self._moments[:-1] + 1) & self._own[1:]
+            self._hidden[one, other] = self._hidden[other, one] = hidden
+        return hidden
+
     def _parts(self) -> list[Ints]:
         """Pairs of markers that correspond, part by part: nodes of the trees of the best correspondences."""
-        parts: dict[bytes, Ints] = {}
-        for pairs in self._correspondences():
-            for part in self._nodes(pairs):
-                parts.setdefault(np.sort(np.sort(part, axis=1), axis=0).tobytes(), part)
-        return list(parts.values())
+        parts = [part for pairs in self._correspondences() for part in self._nodes(pairs)]
+        return list({frozenset(_names(part)): part for part in parts}.values())
 
     def _correspondences(self) -> list[Ints]:
         """Pairs of markers that correspond, each shape (n_pairs, 2), that for which most speaks first."""
@@ -188,7 +192,7 @@ class _AlikeParts:
         kept = list[set[tuple[int, ...]]]()
         chosen = list[Ints]()
         for _, pairs in sorted(grown, key=lambda part: -part[0]):
-            names = {tuple(pair) for pair in np.sort(pairs, axis=1).tolist()}
+            names = _names(pairs)
             if len(pairs) >= LEAST_PAIRS and all(len(names & other) <= SHARED_PART * len(names) for other in kept):
                 kept.append(names)
                 chosen.append(pairs)
@@ -208,3 +212,8 @@ class _AlikeParts:
         for one, other in links[:, :2].astype(np.intp):
             members.append(members[one] + members[other])
         return [pairs[some] for some in members[len(pairs) :]]
+
+
+def _names(pairs: Ints) -> set[tuple[int, ...]]:
+    """Pairs of markers, whichever of both stands first."""
+    return {tuple(pair) for pair in np.sort(pairs, axis=1).tolist()}
