@@ -165,11 +165,17 @@ def _missing(folder: Path) -> list[Path]:
     return [place for place in (folder, *folder.parents) if not place.exists()]
 
 
+def check_folder(folder: Path) -> None:
+    """Raise `WriteError` if a file is in the place of a folder, or of one that holds it."""
+    for place in (folder, *folder.parents):
+        if place.is_file():
+            raise WriteError(f"{place}: cannot be created: there is a file of this name")
+
+
 def _create(folder: Path) -> None:
     try:
+        check_folder(folder)
         folder.mkdir(parents=True, exist_ok=True)
-    except (FileExistsError, NotADirectoryError) as error:
-        raise WriteError(f"{folder}: cannot be created: there is a file of this name") from error
     except OSError as error:
         raise WriteError(f"{folder}: cannot be created: {error.strerror or error}") from error
 

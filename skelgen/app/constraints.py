@@ -393,9 +393,6 @@ def _limbs(project: Project, correction: Correction) -> list[int]:
         if limb < 0:
             raise InputError(f"the correction '{correction.sentence}' names {name}, which is on no limb; take it back")
     if len(limbs) == 2 and limbs[0] == limbs[1]:
-        first, second = correction.names
-        raise InputError(
-            f"the correction '{correction.sentence}' is about a joint, but {first} and {second} share a limb now; "
-            "take it back"
-        )
+        why = f"is about a joint, but {' and '.join(correction.names)} share a limb now"
+        raise InputError(f"the correction '{correction.sentence}' {why}; take it back")
     return limbs

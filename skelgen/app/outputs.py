@@ -13,7 +13,7 @@ from skelgen_formats.registry import write_file
 
 from skelgen.app.project_file.archive import SUFFIX, save_project
 from skelgen.errors import SkelgenError, WriteError
-from skelgen.files import arriving_together
+from skelgen.files import arriving_together, check_folder
 from skelgen.model import Project, Trajectories
 from skelgen.model.placed_joints import place_of
 from skelgen.model.skeleton import joint_between
@@ -187,9 +187,7 @@ def check_run(folder: Path, names: tuple[str, str], inputs: Iterable[Path | None
     WriteError
         As of `check_outputs`, or if a file is in the place of the folder.
     """
-    for place in (folder, *folder.parents):
-        if place.is_file():
-            raise WriteError(f"{place}: cannot be created: there is a file of this name")
+    check_folder(folder)
     stem, result_name = names
     project = folder / (stem + SUFFIX)
     written = [folder / (stem + output.suffix) for output in OUTPUTS]

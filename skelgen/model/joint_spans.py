@@ -41,8 +41,8 @@ class JointSpan:
             raise InputError(f"a joint holds from frame {self.first_frame} to frame {self.last_frame}")
 
     def sentence(self, names: Sequence[str]) -> str:
-        """Return what a notice says of it, by the names of all limbs."""
-        first, second = (names[limb] for limb in self.limbs)
+        """Return what a notice says of it, by the names of all limbs; those without one have their numbers."""
+        first, second = (f"limb {limb}" if names[limb] == f"limb{limb}" else names[limb] for limb in self.limbs)
         how = "are fixed to each other" if self.is_fixed else "are joined"
         return (
             f"{first} and {second} {how} in frames {self.first_frame} to {self.last_frame} only: the gap of "

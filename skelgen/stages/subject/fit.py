@@ -318,7 +318,7 @@ def _notices(
         yield f"joints that turn in more ways than the calibrated take showed, ball joints here: {parts}"
     if new:
         parts = ", ".join(
-            f"{name} on limb {one.limb}" if one.limb >= 0 else f"{name} on no limb"
+            f"{name} on {fit.limbs.called(one.limb) if one.limb >= 0 else 'no limb'}"
             for name, one in zip(fit.trajectories.names[len(fit.shifts) :], new, strict=True)
         )
         yield f"markers that the skeleton does not know: {parts}"

@@ -12,6 +12,7 @@ from skelgen.app.stage_summary import stage_pointers
 from skelgen.app.tables import project_tables
 from skelgen.geometry.frame_rate import with_rate
 from skelgen.model import Poses
+from skelgen.model.joint_spans import JointSpan
 from skelgen.simulation import simulate
 from skelgen.simulation.motion import smooth_curves
 from skelgen.stages.joints import find_joint_spans
@@ -144,3 +145,8 @@ def test_takes_of_a_body_that_is_known_are_searched_too():
     (span,) = again.topology.spans
     assert abs(span.first_frame - first) <= FEW_FRAMES and abs(span.last_frame - last) <= FEW_FRAMES
     assert span.sentence(again.limbs.names) in again.reports["joints"].notices
+
+
+def test_a_span_calls_limbs_as_other_notices_do():
+    span = JointSpan((0, 1), 3, 9, np.zeros(3), np.zeros(3), gap=1.0, gap_beyond=50.0)
+    assert span.sentence(("limb0", "hammer")).startswith("limb 0 and hammer are joined in frames 3 to 9 only")

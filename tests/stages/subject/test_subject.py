@@ -157,7 +157,7 @@ def test_missing_and_new_markers_are_said(known):
     assert fit.missing == (0, 1)
     assert "no frame shows: pelvis 1, pelvis 2" in "; ".join(fit.notices)
     trunk = int(known.limbs.limb_of_marker[known.trajectories.names.index("trunk 1")])
-    assert any(f"does not know: saddle on limb {trunk}" in sentence for sentence in fit.notices)
+    assert any(f"does not know: saddle on {known.limbs.called(trunk)}" in sentence for sentence in fit.notices)
     assert fit.trajectories.names[-1] == "saddle"
 
 
