@@ -7,7 +7,7 @@ joints ``x``, ``y`` and ``z`` (rotation vector in the parent's axes), rigid ones
 pose. Frames count from 0.
 
 If the motion leaves open where a joint is, columns ``limb0-limb1_determined`` stand last, one for each joint: 0 where
-its place is a choice, or 1.
+the motion does not determine its place, or 1.
 """
 
 import math

@@ -14,8 +14,8 @@ seen in a frame has seven empty cells. The time, in seconds, is for the reader's
 Quaternions may be off unit length by a thousandth and are normalised; q and -q mean the same, qw >= 0 is written.
 
 The bodies of a project are its limbs, whose origins are the joints to their parents. If the motion leaves open where
-one of these joints is, columns ``thigh.determined`` stand last, one for each limb with a joint above: 0 where its
-origin is a choice, or 1. They are not read.
+one of these joints is, columns ``thigh.determined`` stand last, one for each limb with a joint above: 0 where the
+motion does not determine its origin, or 1. They are not read.
 """
 
 import csv

@@ -160,8 +160,8 @@ def _skeleton(project: Project, path: Path) -> Iterator[str]:
             joint = joint_of_child[limb]
             name = _quoted(skeleton.joint_name(joint), path)
             placed = f' PLACEDBY="{BY_MARKER_SET}"' if joint.is_placed_by_marker_set else ""
-            placed += f' USUALDIRECTIONS="{joint.usual_directions}"' if joint.usual_directions else ""
-            yield f'<JOINT KIND="{joint.kind}" OPENDIRECTIONS="{joint.open_directions}"{placed} NAME={name}>\n'
+            known = f'OPENDIRECTIONS="{joint.open_directions}" USUALDIRECTIONS="{joint.usual_directions}"'
+            yield f'<JOINT KIND="{joint.kind}" {known}{placed} NAME={name}>\n'
             yield _row("POSITIONINPARENT", joint.position_in_parent)
             yield _row("POSITIONINBONE", joint.position_in_child)
             yield _row("STANDARDDEVIATION", joint.std)
