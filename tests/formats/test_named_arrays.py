@@ -50,7 +50,7 @@ def test_points_are_unseen_where_an_array_of_flags_says_so(tmp_path):
         np.testing.assert_array_equal(read_take(tmp_path / "points.npz").seen, valid)
 
 
-@pytest.mark.parametrize("shape", [(4,), (4, 4, 4), (1, 4, 4)])
+@pytest.mark.parametrize("shape", [(4,), (4, 4, 4), (1, 4, 4), (4, 0)])
 def test_flags_of_another_shape_than_the_points_say_nothing_of_them(tmp_path, shape):
     np.savez(
         tmp_path / "points.npz", positions=POSITIONS[:4], names=NAMES, valid=np.arange(np.prod(shape)).reshape(shape)
