@@ -142,10 +142,10 @@ def read_untitled_points(path: Path, options: Options) -> Trajectories | PointCl
         positions = read_sparse(path, lines)
         return take_from_table(path, positions, _numbered(positions), None, options)
     rows = _rows(path, lines)
-    if _is_of_dltdv(path) and rows.shape[1] % len(AXES) == 0:
+    found = positions_of_columns(rows)
+    if found is None and _is_of_dltdv(path) and rows.shape[1] % len(AXES) == 0:
         positions = rows.reshape(len(rows), -1, len(AXES))
         return take_from_table(path, positions, _numbered(positions), None, options)
-    found = positions_of_columns(rows)
     if found is None:
         what = "write over the columns which point's they are: name_x, name_y, name_z"
         raise FormatError(path, 1, f"numbers without titles, and no layout in which points keep distances: {what}")
