@@ -156,3 +156,11 @@ def test_infinite_times_in_arrays_warn_of_nothing(tmp_path):
     times = np.append(np.arange(19) / 50, np.inf)
     np.savez(tmp_path / "times.npz", positions=np.arange(300.0).reshape(20, 5, 3), time=times)
     assert read_take(tmp_path / "times.npz").rate == pytest.approx(50.0)
+
+
+@pytest.mark.parametrize("lost", ["", "0"])
+def test_a_row_without_its_time_is_no_frame_left_out(put, lost):
+    rows = "".join(f"{lost if frame == 5 else 10 + frame / 50},1,2,3,4,5,6\n" for frame in range(20))
+    take = read_take(put("lost.csv", f"time,{POINTS}\n{rows}"))
+    assert (take.n_frames, take.rate) == (20, pytest.approx(50.0))
+    assert not any("times leave some out" in notice for notice in take.notices)

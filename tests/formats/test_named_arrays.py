@@ -274,3 +274,11 @@ def test_flags_of_a_single_point(tmp_path, word, flags, n_seen):
     take = read_take(tmp_path / "one.npz")
     assert len(take.names) == len(NAMES) - (n_seen == 0)
     assert (NAMES[0] in take.names) == (n_seen > 0)
+
+
+@pytest.mark.parametrize(("struct", "n_unseen"), [("gaze", 0), ("body", 4)])
+def test_flags_in_a_struct_are_those_of_its_points(tmp_path, struct, n_unseen):
+    structs = {"body": {"markers": POSITIONS}, "gaze": {"ray": 1.0}}
+    structs[struct]["valid"] = (np.arange(N_FRAMES) != 7).astype(float)
+    savemat(tmp_path / "structs.mat", structs)
+    assert (~read_take(tmp_path / "structs.mat").seen).sum() == n_unseen
