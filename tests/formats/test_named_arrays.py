@@ -282,3 +282,10 @@ def test_flags_in_a_struct_are_those_of_its_points(tmp_path, struct, n_unseen):
     structs[struct]["valid"] = (np.arange(N_FRAMES) != 7).astype(float)
     savemat(tmp_path / "structs.mat", structs)
     assert (~read_take(tmp_path / "structs.mat").seen).sum() == n_unseen
+
+
+def test_flags_of_four_points_of_people_are_no_confidences_of_places(tmp_path):
+    people = np.stack([POSITIONS, POSITIONS + 1000.0], axis=1)
+    seen = np.arange(N_FRAMES)[:, np.newaxis, np.newaxis] != [[3, 5, 5, 9], [1, 2, 3, 4]]
+    np.savez(tmp_path / "people.npz", keypoints=people, visible=seen.astype(float))
+    np.testing.assert_array_equal(read_take(tmp_path / "people.npz").seen, seen.reshape(N_FRAMES, 8))
