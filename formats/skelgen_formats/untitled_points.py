@@ -4,7 +4,7 @@ Beside coordinates there may be frame numbers and times, at most two columns bef
 The rest is ``x y z`` of each point in turn, ``x y z`` and how sure it is, or all ``x``, all ``y`` and all ``z``. It is
 the layout in which points keep their distance to another one, as those of a body do; where none or several do, the
 numbers are not read. A comment may name the points. Numbers of DLTdv stand in a row each (see
-`skelgen_formats.sparse_points`), or as x, y, z of each point in a file called ``xyzpts``.
+`skelgen_formats.sparse_points`), or as x, y, z of each point in a file called ``xyzpts``, where no layout is found.
 """
 
 from collections.abc import Iterator
