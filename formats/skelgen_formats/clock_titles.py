@@ -11,6 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
+import numpy as np
+
 from skelgen.model.arrays import Floats
 from skelgen_formats.text import is_number, is_timecode, seconds_of, words_of
 
@@ -69,6 +71,7 @@ class Clock:
         is_plain = not self.others and is_number(cell.strip())
         return self if is_plain else replace(self, second=1.0, counts_frames=is_timecode(cell))
 
+    @np.errstate(invalid="ignore")  # of infinite ones, which state no rate
     def added(self, seconds: _Number, others: Sequence[_Number]) -> _Number:
         """Return the seconds that other columns add; none where hours and minutes are the same time as a whole again.
 
@@ -87,7 +90,7 @@ class Clock:
         hours, minutes = others[:2]
         are_broken = (hours % 1.0 != 0.0) | (minutes % 1.0 != 0.0)
         is_minute = (seconds >= 60.0) & (hours * _HOUR + minutes * 60.0 == seconds // 60.0 * 60.0)
-        are_more = (minutes >= 60.0) | (seconds >= 61.0) | is_minute  # else 60 s are rounded
+        are_more = (seconds >= 61.0) | is_minute  # else 60 s are rounded
         added: _Number = total * (1 - (are_broken | are_more))
         return added
 

@@ -61,7 +61,7 @@ def _of_people(states: NDArray[Any], n_frames: int, names: Sequence[str]) -> NDA
     n_people = len(people) if all(map(str.isdecimal, people)) else 0
     is_of_all = states.ndim == 1 and n_frames != len(names)  # else they may be of points
     columns = states[:, np.newaxis] if is_of_all else states
-    if columns.shape not in ((n_frames, 1), (n_frames, n_people)) or len(names) % columns.shape[1]:
+    if columns.shape not in ((n_frames, 1), (n_frames, n_people or 1)) or len(names) % columns.shape[1]:
         return None
     return columns.repeat(len(names) // columns.shape[1], axis=1)
 

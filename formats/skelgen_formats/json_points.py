@@ -119,8 +119,6 @@ def take_from_value(path: Path, value: Any, options: Options, what: str) -> Traj
         _find_owners(value, (), counts, in_frame=False)
         owners = {key: _listed(count) for key, count in counts.items()}
         leaves = dict(starmap(_with_flags, _leaves(_by_owner(value, (), owners), ())))
-        called = {(*key, _NAMES): ids for key, ids in owners.items() if any(map(_is_word, ids))}
-        leaves = called | leaves
         arrays = {key: _array(leaf) for key, leaf in _spread(path, leaves).items()}
     except (ValueError, TypeError, LookupError, RecursionError, OverflowError) as error:
         raise FormatError(path, "", _damaged(what, error)) from error
@@ -132,10 +130,25 @@ def take_from_value(path: Path, value: Any, options: Options, what: str) -> Traj
     # Units of length, time and angles
     for key in [key for key in arrays if len(key) > 1 and key[-2].lower() in UNIT_WORDS]:
         arrays[(*key[:-2], f"{key[-1]}_unit")] = arrays.pop(key)
-    ends = {key: [".".join(key[at:]) for at in range(len(key) - 1, -1, -1)] for key in arrays}
+    return take_from_arrays(path, _called(arrays, owners), options, _OTHERWISE.format(what))
+
+
+def _called(arrays: Mapping[_Path, NDArray[Any]], owners: Mapping[_Path, list[Any]]) -> dict[str, NDArray[Any]]:
+    """Return arrays by the ends of their paths that no other has, and ids in words as names of the points they have.
+
+    Flags of what has no points, such as of a gaze beside them, keep its name.
+    """
+    of_points = {key[:at] for key, one in arrays.items() if one.ndim >= len(AXES) for at in range(len(key))}
+    least = {key: 1 + (flag_of_key(key[-1]) is not None and key[:-1] not in of_points) for key in arrays if key}
+    ends = {key: [".".join(key[at:]) for at in range(len(key) - least.get(key, 1), -1, -1)] for key in arrays}
     count = Counter(end for every in ends.values() for end in every)
-    named = {next((end for end in ends[key] if count[end] == 1), ".".join(key)): one for key, one in arrays.items()}
-    return take_from_arrays(path, named, options, _OTHERWISE.format(what))
+    ways = {key: next((end for end in ends[key] if count[end] == 1), ".".join(key)) for key in arrays}
+    called = {ways[key]: one for key, one in arrays.items()}
+    for key, array in arrays.items():
+        ids = owners.get(key) or owners.get(key[:-1]) or []
+        if any(map(_is_word, ids)) and array.shape[1:] in ((len(ids), len(AXES)), (len(ids), 4, 4)):
+            called.setdefault(f"{ways[key]}.{_NAMES}" if array.ndim == len(AXES) else _NAMES, np.array(ids))
+    return called
 
 
 def _table(value: Any) -> Iterator[str]:
@@ -334,9 +347,11 @@ def _array(leaf: Any) -> NDArray[Any]:
 def _names_of_people(leaf: list[Any]) -> list[str]:
     """Return the names that the points of all people of all frames have; none if there are others at one place."""
     rows = [row for frame in leaf if isinstance(frame, list) for row in frame if isinstance(row, list)]
-    names = [{one for one in column if one is not None} for column in zip(*rows, strict=False)]
-    is_one = all(len(ones) == 1 and all(isinstance(one, str) for one in ones) for ones in names)
-    return [*chain.from_iterable(names)] if is_one and len({*map(len, rows)}) == 1 else []
+    if len({*map(len, rows)}) != 1 or not all(one is None or isinstance(one, str) for row in rows for one in row):
+        return []
+    names = [{*column} - {None} for column in zip(*rows, strict=True)]
+    found = [*chain.from_iterable(names)] if all(len(ones) == 1 for ones in names) else []
+    return found if len({*found}) == len(found) else []
 
 
 def _filled(leaf: Any) -> Any:

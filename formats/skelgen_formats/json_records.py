@@ -13,6 +13,7 @@ from itertools import groupby
 from typing import Any
 
 from skelgen_formats.clock_titles import clock_of, is_frame
+from skelgen_formats.flags import flag_of_key
 from skelgen_formats.table_heads import CAMEL
 from skelgen_formats.text import is_number, seconds_of
 from skelgen_formats.turn_titles import AXES
@@ -184,25 +185,28 @@ def with_names_in_order(value: Any) -> Any:
     value : list, dict, str, float or None
         As JSON has it.
     """
-    orders: dict[_Path, tuple[str, Counter[tuple[str, ...]]]] = {}
-    for path, key, words in _named_of_people(value, (), 0):
-        orders.setdefault(path, (key, Counter()))[1][words] += 1
+    orders: dict[_Path, dict[str, Counter[tuple[str, ...]]]] = {}
+    for path, named in _named_of_people(value, (), 0):
+        for key, words in named.items():
+            orders.setdefault(path, {}).setdefault(key, Counter())[words] += 1
     known = {}
-    for path, (key, counts) in orders.items():
+    for path, by_key in orders.items():
+        key, counts = max(by_key.items(), key=lambda item: item[1].total() * (1 + (item[0] in NAME_KEYS)))
         every = [*dict.fromkeys(word for words in counts for word in words)]
         n_words = sum(len(words) * count for words, count in counts.items())
         is_alike = len(counts) == 1 and key in NAME_KEYS
-        if not is_alike and len(every) * counts.total() <= _MOST_TIMES * n_words:
+        is_single = max(map(len, counts)) < _FEWEST
+        if not is_alike and not is_single and len(every) * counts.total() <= _MOST_TIMES * n_words:
             known[path] = key, every
     return _with_order(value, (), 0, known) if known else value
 
 
-def _named_of_people(value: Any, path: _Path, depth: int) -> Iterator[tuple[_Path, str, tuple[str, ...]]]:
-    """Yield the names of points in lists of people in one of frames, with the keys that lead to them, and their own."""
+def _named_of_people(value: Any, path: _Path, depth: int) -> Iterator[tuple[_Path, dict[str, tuple[str, ...]]]]:
+    """Yield names of points in lists of people in one of frames by their keys, with the keys that lead to them."""
     if isinstance(value, list):
-        if depth >= _OF_FRAME and (named := _names_in(value)):
-            yield path, *named
-        elif depth < _DEEPEST:
+        if named := _names_in(value) if depth >= _OF_FRAME else {}:
+            yield path, named
+        if depth < _DEEPEST and (not named or len(value) < _FEWEST):
             for one in filter(_may_hold_objects, value):
                 yield from _named_of_people(one, path, depth + 1)
     elif isinstance(value, dict) and len(path) < _DEEPEST:
@@ -211,15 +215,13 @@ def _named_of_people(value: Any, path: _Path, depth: int) -> Iterator[tuple[_Pat
                 yield from _named_of_people(one, (*path, key), depth)
 
 
-def _names_in(points: list[Any]) -> tuple[str, tuple[str, ...]] | None:
-    """Return the key under which each object has a word of its own, and these words; None if there is none."""
-    if len(points) < _FEWEST or not all(isinstance(one, dict) for one in points):
-        return None
-    for key, first in sorted(points[0].items(), key=lambda item: item[0] not in NAME_KEYS):
-        words = tuple(one.get(key) for one in points) if isinstance(first, str) and not is_number(first) else ()
-        if words and {*map(type, words)} == {str} and len({*words}) == len(points):
-            return key, words
-    return None
+def _names_in(points: list[Any]) -> dict[str, tuple[str, ...]]:
+    """Return words by the keys under which each object has one of its own; states are none."""
+    if not points or not all(isinstance(one, dict) for one in points):
+        return {}
+    texts = (key for key, one in points[0].items() if isinstance(one, str) and not is_number(one))
+    every = {key: tuple(one.get(key) for one in points) for key in texts if not flag_of_key(key)}
+    return {key: words for key, words in every.items() if {*map(type, words)} == {str} and len({*words}) == len(points)}
 
 
 def _with_order(value: Any, path: _Path, depth: int, known: Mapping[_Path, tuple[str, list[str]]]) -> Any:
@@ -230,7 +232,8 @@ def _with_order(value: Any, path: _Path, depth: int, known: Mapping[_Path, tuple
     key, names = known.get(path, ("", []))
     if depth >= _OF_FRAME and key and value and all(isinstance(one, dict) and one.get(key) in names for one in value):
         there = {one[key]: {k: part for k, part in one.items() if k != key} | {"name": one[key]} for one in value}
-        return [there.get(name) for name in names] if len(there) == len(value) else value
+        count = Counter(one[key] for one in value)  # what stands twice is of neither
+        return [there[name] if count[name] == 1 else None for name in names]
     return [_with_order(one, path, depth + 1, known) if _may_hold_objects(one) else one for one in value]
 
 

@@ -90,7 +90,8 @@ def take_from_arrays(
         If none of them, or several, may be positions.
     """
     notices: list[str] = []
-    arrays = {key: _without_grades(_unflattened(key, array)) for key, array in arrays.items()}
+    are_flags = {key for key in arrays if flag_of_key(key.rpartition(".")[2])}  # of four points, too
+    arrays = {k: one if k in are_flags else _without_grades(_unflattened(k, one)) for k, one in arrays.items()}
     numbers, names = _bodies(arrays) or _positions(path, arrays, notices, otherwise)
     numbers = without_unseen(numbers, names, arrays, notices)
     if options.sample:

@@ -27,6 +27,7 @@ from skelgen.files import read_content
 from skelgen.model import PointCloud, Poses, Trajectories
 from skelgen.progress import counted
 from skelgen_formats.bodies import blank_unseen, row_by_row, take_from_bodies
+from skelgen_formats.flags import flag_of_key
 from skelgen_formats.markers import check_frames, scaled, take_from_markers, zeros_unseen
 from skelgen_formats.named_arrays import take_from_arrays
 from skelgen_formats.options import POINTS, RECORDED_RATE, RECORDED_UNIT, Format, Options
@@ -92,15 +93,7 @@ def read_qualisys_mat(path: Path, options: Options) -> Trajectories | PointCloud
     if not found:
         if of_bodies := [one for one in variables if isinstance(one, Mapping) and one.keys() & _KEYS_OF_BODIES]:
             return _bodies(path, of_bodies[0])
-        held = [*_flat(dict(zip(names, variables, strict=True)))]
-        count = Counter(name for name, _, _ in held)
-        alike = Counter(owner for name, owner, one in held if count[name] > 1 and one.ndim == 2 and 3 in one.shape)
-        others = [owner for owner, n_points in alike.items() if n_points >= _FEWEST_POINTS][1:]  # further trials
-        count = Counter(name for name, owner, _ in held if owner not in others)
-        arrays = {_called(name, owner, count): array for name, owner, array in held if owner not in others}
-        take = take_from_arrays(path, arrays, options, _NO_POINTS)
-        left_out = f"structs with the same names are left out, but the first: {', '.join(others)[:100]}"
-        return replace(take, notices=(left_out, *take.notices)) if others else take
+        return _take_of_scripts(path, dict(zip(names, variables, strict=True)), options)
     rate, frames = (_number(found[0].get(name)) for name in ("FrameRate", "Frames"))
     if rate is None or not 0 < rate < np.inf:
         raise FormatError(path, "FrameRate", "the frame rate is missing or not above 0")
@@ -110,6 +103,26 @@ def read_qualisys_mat(path: Path, options: Options) -> Trajectories | PointCloud
     if frames is not None and 0 <= frames < 1e9:
         check_frames(path, "Frames", int(frames), len(positions), notices)
     return take_from_markers(path, scaled(path, zeros_unseen(positions), _MM), labels, rate, notices)
+
+
+def _take_of_scripts(
+    path: Path, variables: Mapping[str, _Value], options: Options
+) -> Trajectories | PointCloud | Poses:
+    """Return the take that arrays hold, of several structs with the same names those of the first."""
+    held = [*_flat(variables)]
+    count = Counter(name for name, _, _ in held)
+    alike = Counter(owner for name, owner, one in held if count[name] > 1 and one.ndim == 2 and 3 in one.shape)
+    others = [owner for owner, n_points in alike.items() if n_points >= _FEWEST_POINTS][1:]  # further trials
+    chosen = [(name, owner, one) for name, owner, one in held if owner not in others]
+    count = Counter(name for name, _, _ in chosen)
+    of_points = {"", *(owner for _, owner, one in chosen if one.ndim >= len(AXES))}
+    arrays = {}
+    for name, owner, one in chosen:
+        is_of_other = flag_of_key(name) is not None and owner not in of_points  # such as of a gaze
+        arrays[f"{owner}.{name}" if is_of_other else _called(name, owner, count)] = one
+    take = take_from_arrays(path, arrays, options, _NO_POINTS)
+    left_out = f"structs with the same names are left out, but the first: {', '.join(others)[:100]}"
+    return replace(take, notices=(left_out, *take.notices)) if others else take
 
 
 def _called(name: str, owner: str, count: Mapping[str, int]) -> str:

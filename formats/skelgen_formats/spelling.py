@@ -26,7 +26,7 @@ OF_VERSION = re.compile(rf"(.+{BETWEEN}[xyz])(?:{BETWEEN}(?:{_VERSION})|3d)", re
 _TURN = "quat|quaternion|rot|rotation|orientation|euler"
 _RW = re.compile(rf"((?:.+{BETWEEN})?)r([wxyz])", re.IGNORECASE)  # components of a quaternion, if one is w
 _POSE, _AGAIN = "xyzxyzw", re.compile(r"[wxyz]\.\d+", re.IGNORECASE)  # pandas writes x.1 for the second x
-_UNIT_TOLERANCE = 1e-2  # of the length of a quaternion, which is printed with a few digits
+_UNIT_TOLERANCE = 0.1  # of the length of a quaternion, which may be printed with one digit
 _NO_NAME = rf"(?:{LENGTH}|std\w*|err\w*|{_VERSION})"
 _SPELT = (
     # p_RS_R_x [m], q_RS_w [] of EuRoC
@@ -47,6 +47,7 @@ _SPELT = (
         (re.compile(rf"((?:.*{BETWEEN})?[tr]vec)[_ ]?[\[(]?{n}[\])]?", re.IGNORECASE), rf"\1_{axis}")
         for n, axis in enumerate(AXES)
     ),
+    (re.compile(rf"([tr]vec){BETWEEN}?(\w{{0,200}}?\d){BETWEEN}([xyz])", re.IGNORECASE), r"\2_\1_\3"),  # tvec_4_x
     (re.compile(r"(.+?) ?\[[#-]?\]"), r"\1"),  # Sensor 1 Q0 []
     (re.compile(rf"(.+{BETWEEN}[xyz]) ?\((?:ap|ml|v|si|is|pd|lat|vert|up)\)", re.IGNORECASE), r"\1"),  # knee_X(AP)
     (re.compile(rf"(.+?) ?[\[(]({LENGTH})[\])]({BETWEEN}[xyz])", re.IGNORECASE), r"\1\3 [\2]"),  # knee_pos[m]_x
@@ -135,13 +136,14 @@ def with_lone_weight(titles: Sequence[str], rows: Sequence[Sequence[str]], names
     if [plain[at] for at in columns] != [*_POSE]:
         return [*titles]
     first, second = ([names[at] for at in some if at < len(names)] for some in (columns[:3], columns[3:6]))
-    lengths = []
+    fours = []
     for row in rows:
         with contextlib.suppress(ValueError, IndexError):
-            lengths.append(math.hypot(*(float(row[at].replace(",", ".")) for at in columns[3:])))
+            fours.append([float(row[at].replace(",", ".")) for at in columns[3:]])
     is_other = any(second) and any(first) and not {*filter(None, second)} <= {*first}
-    known = [one for one in lengths if not math.isnan(one)]
-    is_turn = not is_other and all(abs(one - 1.0) < _UNIT_TOLERANCE or one == 0.0 for one in known)
+    lengths = [math.hypot(*four) for four in fours if len({*four}) > 1]  # -1 four times is a body that is lost
+    known = [abs(one - 1.0) < _UNIT_TOLERANCE for one in lengths if not math.isnan(one)]
+    is_turn = not is_other and 2 * sum(known) >= len(known)
     return [*titles] if is_turn else ["weight" if at == columns[-1] else title for at, title in enumerate(titles)]
 
 

@@ -35,7 +35,8 @@ class Stamps:
         notices : list of str
             Gets a sentence if they do.
         """
-        steps = np.diff(self.since[np.isfinite(self.since)])
+        rows = np.flatnonzero(np.isfinite(self.since) & (self.since >= 0.0))  # some have none, or 0
+        steps = np.diff(self.since[rows]) / np.diff(rows)
         usual = float(np.median(steps)) if len(steps) else 0.0
         longer, is_even = steps > _LONG * usual, np.abs(steps - usual) < (_LONG - 1.0) * usual
         if usual > 0.0 and longer.any() and is_even.mean() >= _MOST:

@@ -28,8 +28,10 @@ NUMBERED = "X, Y and Z stand several times without names in their line: points a
 
 _IN_THREES = "three columns under one name are taken as x, y and z"
 _QUANTITY = re.compile(
-    r"(?:(?P<place>pos|trans|loc)|(?P<turn>rot|ori|quat|att))\w*\W*(?P<unit>[\[(].+[\])])?", re.IGNORECASE
-)
+    r"(?:pos(?:itions?)?|trans(?:lations?)?|loc(?:ations?)?|(?P<turn>rot(?:ations?)?|ori(?:ent(?:ations?)?)?"
+    r"|quat(?:ernions?)?|att(?:itude)?)(?:[_ ]?quat(?:ernions?)?)?)\W*?(?P<unit>[\[(].+[\])])?",
+    re.IGNORECASE,
+)  # not Origin, or Rotula, which are points
 _LETTERS, _POSE = {*COMPONENTS}, "xyzxyzw"  # a place and a unit quaternion
 _VISUAL3D = ("TARGET", "LANDMARK")  # types of its signals that are points
 _DEEPLABCUT = ("scorer", "individuals", "bodyparts", "coords")
@@ -192,7 +194,7 @@ def under_names(rows: list[list[str]]) -> Head | None:
 
 
 def under_bodies(rows: list[list[str]]) -> Head | None:
-    """Names over words for place and rotation, over axes in any order; or one name over X, Y, Z, X, Y, Z, W.
+    """Names over words for place and rotation, over axes in any order; or one name over X, Y, Z, X, Y, Z, W, or none.
 
     Without W rotations are angles.
     """
@@ -205,12 +207,15 @@ def under_bodies(rows: list[list[str]]) -> Head | None:
         if n_lines == 2:
             is_one = letters == _POSE and len({*filter(None, names)}) == 1
             quantities = iter(["position"] * len(AXES) + ["rotation"] * len(COMPONENTS) if is_one else [])
-            words = [next(quantities, "") if axis.lower() in _LETTERS else "" for axis in axes]
+            are_words = len({*names} - {""}) > 1 and all(map(_QUANTITY.fullmatch, filter(None, names)))
+            told = ("body" * bool(word) for word in names) if are_words else names
+            beside = [next(quantities, "") if axis.lower() in _LETTERS else "" for axis in axes]
+            names, words = [*told], names if are_words else beside
         titles = _of_quantities(names, words, axes)
         above = zip(*([*row, *[""] * len(axes)][: len(axes)] for row in rows[: n_lines - 1]), strict=True)
         titles = [title or next(filter(None, cells), "") for title, cells in zip(titles, above, strict=False)]
         found = in_one_line([titles]) if titles else None
-        if found and any(body.is_turned or body.has_angles for body in found.bodies):
+        if found:
             found.n_lines = n_lines
             return found
     return None
@@ -232,10 +237,10 @@ def _of_quantities(names: Sequence[str], words: Sequence[str], axes: Sequence[st
     for name, word, match, axis in zip(names, words, matches, axes, strict=True):
         if axis.lower() in _LETTERS and not name:
             return []
-        kind = "position" if match and match["place"] else "quaternion" if name in has_w else "euler"
+        kind = "position" if match and not match["turn"] else "quaternion" if name in has_w else "euler"
         unit = f" {match['unit']}" if match and match["unit"] and kind != "quaternion" else ""
         titles.append(f"{name}_{kind if match else word}_{axis}{unit}" if name else axis)
-    return titles if any(match and match["turn"] for match in matches) else []
+    return titles if any(matches) else []
 
 
 def _triples(names: Sequence[str], axes: Sequence[str]) -> list[Body]:

@@ -4,7 +4,7 @@ Beside coordinates there may be frame numbers and times, at most two columns bef
 The rest is ``x y z`` of each point in turn, ``x y z`` and how sure it is, or all ``x``, all ``y`` and all ``z``. It is
 the layout in which points keep their distance to another one, as those of a body do; where none or several do, the
 numbers are not read. A comment may name the points. Numbers of DLTdv stand in a row each (see
-`skelgen_formats.sparse_points`), or as x, y, z of each point in a file called ``xyzpts``.
+`skelgen_formats.sparse_points`), or as x, y, z of each point in a file called ``xyzpts``, where no layout is found.
 """
 
 from collections.abc import Iterator
@@ -142,10 +142,10 @@ def read_untitled_points(path: Path, options: Options) -> Trajectories | PointCl
         positions = read_sparse(path, lines)
         return take_from_table(path, positions, _numbered(positions), None, options)
     rows = _rows(path, lines)
-    if _is_of_dltdv(path) and rows.shape[1] % len(AXES) == 0:
+    found = positions_of_columns(rows)
+    if found is None and _is_of_dltdv(path) and rows.shape[1] % len(AXES) == 0:
         positions = rows.reshape(len(rows), -1, len(AXES))
         return take_from_table(path, positions, _numbered(positions), None, options)
-    found = positions_of_columns(rows)
     if found is None:
         what = "write over the columns which point's they are: name_x, name_y, name_z"
         raise FormatError(path, 1, f"numbers without titles, and no layout in which points keep distances: {what}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from skelgen_formats.registry import read_take
 
@@ -142,3 +143,24 @@ def test_times_that_leave_frames_out_are_told(put):
     take = read_take(put("gaps.csv", f"time,{POINTS}\n{rows}"))
     assert (take.n_frames, take.rate) == (17, pytest.approx(50.0))
     assert "times leave some out in 2 places; rows are taken as if they followed each other" in take.notices
+
+
+def test_minutes_that_count_on_behind_an_hour_are_added(put):
+    rows = "".join(f"0,{75 + frame // 4},{frame % 4 * 15},1,2,3,4,5,6\n" for frame in range(12))
+    take = read_take(put("timer.csv", f"hour,minute,second,{POINTS}\n{rows}"))
+    assert not any("go back" in notice for notice in take.notices)
+
+
+@pytest.mark.filterwarnings("error")
+def test_infinite_times_in_arrays_warn_of_nothing(tmp_path):
+    times = np.append(np.arange(19) / 50, np.inf)
+    np.savez(tmp_path / "times.npz", positions=np.arange(300.0).reshape(20, 5, 3), time=times)
+    assert read_take(tmp_path / "times.npz").rate == pytest.approx(50.0)
+
+
+@pytest.mark.parametrize("lost", ["", "0"])
+def test_a_row_without_its_time_is_no_frame_left_out(put, lost):
+    rows = "".join(f"{lost if frame == 5 else 10 + frame / 50},1,2,3,4,5,6\n" for frame in range(20))
+    take = read_take(put("lost.csv", f"time,{POINTS}\n{rows}"))
+    assert (take.n_frames, take.rate) == (20, pytest.approx(50.0))
+    assert not any("times leave some out" in notice for notice in take.notices)

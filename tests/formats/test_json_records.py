@@ -167,3 +167,58 @@ def test_quaternions_of_three_bodies_are_no_points(put):
     take = read_take(put("bodies.json", json.dumps([{"t": n / 50, "bodies": bodies} for n in range(5)])))
     assert take.positions.shape == (5, 3, 3)
     assert "arrays left out: rotation" in take.notices
+
+
+def test_ids_of_people_are_no_names_of_their_points(put):
+    people = [{"id": word, "keypoints": np.add(PLACES[0], at).tolist()} for at, word in enumerate(("Ann", "Bob"))]
+    value = {"keypoint_names": NAMES, "frames": [{"t": n / 50, "people": people} for n in range(5)]}
+    assert read_take(put("ids.json", json.dumps(value))).names == ("1:knee", "1:toe", "2:knee", "2:toe")
+    for frame in value["frames"]:
+        del frame["people"][1:]
+    assert read_take(put("one.json", json.dumps(value))).names == tuple(NAMES)
+
+
+def test_ids_of_what_has_no_places_are_no_names_of_points(put):
+    cameras = [{"id": word, "exposure": 2} for word in ("left", "right")]
+    frames = [{"t": n / 50, "cameras": cameras, "positions": places} for n, places in enumerate(PLACES)]
+    assert read_take(put("cameras.json", json.dumps(frames))).names == ("point 1", "point 2")
+
+
+@pytest.mark.parametrize("others", [[0, 1], [4], [0, 1, 1, 2], []])
+def test_states_that_differ_by_chance_are_no_names(put, others):
+    """Of Kinect, whose joints have a state each; few of a person are listed, or one twice."""
+    names, points = ["hip", "knee", "toe", "heel", "tail"], np.random.default_rng(2).normal(size=(6, 2, 5, 3))
+
+    def person(n, k):
+        listed = others if (n, k) == (0, 0) else range(4)
+        state = ("Tracked", "Inferred")
+        return [{"state": state[at % 2], "joint": names[at], "pos": points[n, k, at].tolist()} for at in listed]
+
+    frames = [{"people": [{"id": k, "joints": person(n, k)} for k in range(2)]} for n in range(6)]
+    take = read_take(put("people.json", json.dumps(frames)), recorded_unit="mm")
+    for k, at in np.ndindex(2, 4):
+        name = f"{k + 1}:{names[at] if others else f'point {at + 1}'}"
+        is_seen = [(n, k) != (0, 0) or others.count(at) == 1 for n in range(6)]
+        expected = np.where(np.reshape(is_seen, (6, 1)), points[:, k, at], np.nan)
+        np.testing.assert_array_equal(take.positions[:, take.names.index(name)], expected)
+
+
+def test_one_word_for_all_points_is_no_name(put):
+    joints = [{"label": "joint", "position": place} for place in PLACES[0]]
+    frames = [{"people": [{"id": k, "joints": joints} for k in range(2)]} for _ in range(5)]
+    names = read_take(put("labels.json", json.dumps(frames))).names
+    assert names == tuple(f"{k}:point {n}" for k in (1, 2) for n in (1, 2))
+
+
+def test_words_deep_in_people_are_left_alone(put):
+    people = [{"id": k, "keypoints": PLACES[k], "hands": [{"signs": ["a", "b"]}]} for k in range(2)]
+    frames = [{"t": n / 50, "people": people} for n in range(5)]
+    assert read_take(put("signs.json", json.dumps(frames))).positions.shape == (5, 4, 3)
+
+
+@pytest.mark.parametrize(("owner", "n_seen"), [("gaze", 10), ("body", 8)])
+def test_flags_of_something_else_hide_no_points(put, owner, n_seen):
+    frames = [{"body": {"joints": places}, "gaze": {"ray": 1}} for places in PLACES]
+    for n, frame in enumerate(frames):
+        frame[owner]["valid"] = n != 2
+    assert read_take(put("gaze.json", json.dumps(frames))).seen.sum() == n_seen

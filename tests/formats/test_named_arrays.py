@@ -50,7 +50,7 @@ def test_points_are_unseen_where_an_array_of_flags_says_so(tmp_path):
         np.testing.assert_array_equal(read_take(tmp_path / "points.npz").seen, valid)
 
 
-@pytest.mark.parametrize("shape", [(4,), (4, 4, 4), (1, 4, 4)])
+@pytest.mark.parametrize("shape", [(4,), (4, 4, 4), (1, 4, 4), (4, 0)])
 def test_flags_of_another_shape_than_the_points_say_nothing_of_them(tmp_path, shape):
     np.savez(
         tmp_path / "points.npz", positions=POSITIONS[:4], names=NAMES, valid=np.arange(np.prod(shape)).reshape(shape)
@@ -274,3 +274,18 @@ def test_flags_of_a_single_point(tmp_path, word, flags, n_seen):
     take = read_take(tmp_path / "one.npz")
     assert len(take.names) == len(NAMES) - (n_seen == 0)
     assert (NAMES[0] in take.names) == (n_seen > 0)
+
+
+@pytest.mark.parametrize(("struct", "n_unseen"), [("gaze", 0), ("body", 4)])
+def test_flags_in_a_struct_are_those_of_its_points(tmp_path, struct, n_unseen):
+    structs = {"body": {"markers": POSITIONS}, "gaze": {"ray": 1.0}}
+    structs[struct]["valid"] = (np.arange(N_FRAMES) != 7).astype(float)
+    savemat(tmp_path / "structs.mat", structs)
+    assert (~read_take(tmp_path / "structs.mat").seen).sum() == n_unseen
+
+
+def test_flags_of_four_points_of_people_are_no_confidences_of_places(tmp_path):
+    people = np.stack([POSITIONS, POSITIONS + 1000.0], axis=1)
+    seen = np.arange(N_FRAMES)[:, np.newaxis, np.newaxis] != [[3, 5, 5, 9], [1, 2, 3, 4]]
+    np.savez(tmp_path / "people.npz", keypoints=people, visible=seen.astype(float))
+    np.testing.assert_array_equal(read_take(tmp_path / "people.npz").seen, seen.reshape(N_FRAMES, 8))

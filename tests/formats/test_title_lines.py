@@ -249,3 +249,51 @@ def test_words_for_axes_may_stand_below_names(put):
 def test_rates_of_other_things_are_none_of_frames(put, line):
     take = read_take(put("other.csv", f"{line}\nframe rate,50\na_x,a_y,a_z,b_x,b_y,b_z\n" + "1,2,3,4,5,6\n" * 3))
     assert take.rate == pytest.approx(50.0)
+
+
+def in_lines(heads, cells):
+    return "\n".join(heads) + "\n" + "".join(f"{n},{n / 50},{cells}\n" for n in range(5))
+
+
+@pytest.mark.parametrize("names", [("Rotula", "Tobillo", "Posterior"), ("Origin", "Centre", "Position")])
+def test_names_that_begin_as_words_for_rotations_are_points(put, names):
+    heads = [",,S1,,,,,,,,", ",," + "".join(f"{name},,," for name in names), "Frame,Time" + ",X,Y,Z" * 3]
+    take = read_take(put("points.csv", in_lines(heads, "100,200,300,400,500,600,700,800,900")))
+    np.testing.assert_allclose(take.positions[0], [[100, 200, 300], [400, 500, 600], [700, 800, 900]])
+
+
+def test_velocities_beside_positions_below_names_are_left_out(put):
+    words = ",,A,,,,,,B,,,,,", ",,Position,,,Velocity,,,Position,,,Velocity,,", "Frame,Time" + ",X,Y,Z" * 4
+    take = read_take(put("points.csv", in_lines(words, "100,200,300,1,2,3,400,500,600,1,2,3")))
+    assert (take.names, take.rate) == (("A", "B"), pytest.approx(50.0))
+    np.testing.assert_allclose(take.positions[0], [[100, 200, 300], [400, 500, 600]])
+
+
+@pytest.mark.parametrize("unit", ["(°)", "[deg]"])
+def test_small_angles_below_names_are_in_the_unit_that_stands_behind_their_word(put, unit):
+    heads = ",,hand,,,,,", f",,Position (m),,,Rotation {unit},,", "Frame,Time,X,Y,Z,X,Y,Z"
+    take = read_take(put("hand.csv", in_lines(heads, "1,2,3,0,0,2")))
+    np.testing.assert_allclose(take.world_from_body[0, 0, :2, 0], [np.cos(np.pi / 90), np.sin(np.pi / 90)])
+
+
+@pytest.mark.parametrize("words", [",,Position,,,Rotation,,,", ",,pos,pos,pos,quat,quat,quat,quat"])
+def test_words_for_place_and_rotation_need_no_name_above_them(put, words):
+    take = read_take(put("body.csv", in_lines([words, "Frame,Time,X,Y,Z,X,Y,Z,W"], "100,200,300,0,0,0.6,0.8")))
+    np.testing.assert_allclose(take.world_from_body[0, 0, :3, 3], [100, 200, 300])
+    np.testing.assert_allclose(take.world_from_body[0, 0, :2, 0], [0.28, 0.96])
+
+
+@pytest.mark.parametrize("first", ["0,0,0.7,0.7", "-1,-1,-1,-1"])
+def test_quaternions_of_one_digit_or_of_a_lost_body_are_no_points(put, refused, first):
+    rows = "".join(f"{n},{n / 50},100,200,300,{first if n < 4 else '0,0,0.6,0.8'}\n" for n in range(8))
+    assert "no unit quaternion" in refused(put("body.csv", f"frame,time,x,y,z,x,y,z,w\n{rows}"))
+
+
+@pytest.mark.parametrize("title", ["{}_{n}_{axis}", "{}{n}_{axis}", "{}_marker{n}_{axis}"])
+def test_vectors_of_opencv_may_have_a_marker_within_their_titles(put, title):
+    titles = [title.format(word, n=n, axis=axis) for n in (4, 7) for word in ("tvec", "rvec") for axis in "xyz"]
+    cells = f"0.1,0.2,0.3,0,0,{np.pi / 2:.6f},0.4,0.5,0.6,0,0,0"
+    take = read_take(put("aruco.csv", in_lines([f"frame,time,{','.join(titles)}"], cells)))
+    assert [name.removeprefix("marker") for name in take.names] == ["4", "7"]
+    np.testing.assert_allclose(take.world_from_body[0, :, :3, 3], [[100, 200, 300], [400, 500, 600]])
+    np.testing.assert_allclose(take.world_from_body[0, 0, :2, 0], [0, 1], atol=1e-6)

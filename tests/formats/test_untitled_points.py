@@ -116,3 +116,9 @@ def test_columns_of_dltdv_without_titles_are_points_however_few(put, name):
     rows[:9, 3:6] = np.nan
     take = read_take(put(name, text(rows, ",")))
     np.testing.assert_allclose(take.positions, rows.reshape(N_FRAMES, 3, 3), atol=1e-3)
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_a_layout_that_keeps_distances_counts_more_than_the_name_of_a_file(put, layout):
+    take = read_take(put("arm_xyzpts.txt", text(LAYOUTS[layout])))
+    np.testing.assert_allclose(take.positions, POSITIONS, atol=1e-3)
