@@ -27,7 +27,7 @@ def test_who_is_tracked_may_be_told_by_other_titles(put, title):
 
 
 def test_people_whose_rows_stand_in_blocks_are_one_frame_of_all(put):
-    """Trackers of rooms write one person after the other, with the same times: longer blocks than are looked through."""
+    """Trackers of rooms write all of one person, then the next, in more rows than are looked through for titles."""
     text = PEOPLE.replace("time", "frame")
     text += "".join(f"{frame},{who},{who},2,{frame},4,5,{who}\n" for who in (7, 8) for frame in range(50))
     take = read_take(put("blocks.csv", text))
