@@ -253,6 +253,7 @@ def _read_rows(head: Head, every: list[list[str]]) -> None:
     if head.frames is not None and not all(is_number(row[head.frames]) for row in rows[:1] if head.frames < len(row)):
         head.frames = None  # ROS has frame_id, of coordinates
     head.owners = _owners(head, every[head.n_lines - 1], rows)
+    head.may_own = [at for at, title in enumerate(every[head.n_lines - 1]) if _OWNER.fullmatch(title)]
     if head.clock is None and head.frames is None:
         taken = {column for body in head.bodies for column in body.every_column}
         free = (at for at in range(head.n_cells) if at not in taken)

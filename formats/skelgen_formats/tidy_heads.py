@@ -30,6 +30,8 @@ AXIS_IN_NAME = re.compile(r"(?:[_ .:-][xyzXYZ]|(?<=[a-z0-9])[XYZ])$")
 """Where names of points end with the axis of a value."""
 
 _FRAME_OF_ROS = "frame_id"  # a name, not a number
+_CHILD_OF_ROS = "child_frame_id"
+_PATH_OF_ROS = re.compile(rf".*\.(?={_CHILD_OF_ROS}$|(?:translation|rotation)\.[wxyz]$)")  # of its message
 _NUMBERED = 4  # lines of titles and rows that tell whether these begin with their number
 _FEWEST_TITLES = 3  # frame, name and value
 _PREAMBLE = 24  # lines before the titles, at most
@@ -108,6 +110,8 @@ def _column(lines: Sequence[str], first: int, delimiter: str | None, at: int) ->
 
 def _head_of(titles: Sequence[str], cells_of: Callable[[int], list[str]]) -> TidyHead | None:
     """Return which column holds what, by titles and the cells of columns; None if one that is needed is missing."""
+    if sum(title.endswith(f".{_CHILD_OF_ROS}") for title in titles) == 1:  # rows of one transform each
+        titles = [_PATH_OF_ROS.sub("", title) for title in titles]
     plain = [CAMEL.sub("_", title).lower().replace(" ", "_") for title in titles]
     found = {what: [plain.index(word) for word in words if word in plain] for what, words in _known().items()}
     at = {what: columns[0] for what, columns in found.items() if columns}

@@ -61,6 +61,8 @@ class Head:
         Of the columns, where they stand in one line.
     owners : list of int
         Columns that say whose row it is, where rows of several take turns.
+    may_own : list of int
+        Columns whose titles are those of owners, though the first rows do not take turns.
     notices : list of str
         What is left out.
     """
@@ -77,6 +79,7 @@ class Head:
     n_lines: int = 1
     titles: Sequence[str] = ()
     owners: list[int] = field(default_factory=list)
+    may_own: list[int] = field(default_factory=list)
     notices: list[str] = field(default_factory=list)
 
     @property

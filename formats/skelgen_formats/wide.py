@@ -40,7 +40,7 @@ from skelgen_formats.options import (
     Format,
     Options,
 )
-from skelgen_formats.row_owners import Turns, without_copies
+from skelgen_formats.row_owners import Turns, owners_in_blocks, without_copies
 from skelgen_formats.table_heads import HEAD_LINES, find_head
 from skelgen_formats.table_rows import (
     in_order,
@@ -87,6 +87,8 @@ def read_table(path: Path, lines: Lines, options: Options) -> Trajectories | Poi
     if head is None:
         what = "no line of titles such as name_x, name_y, name_z was found; write them over the columns"
         raise FormatError(path, 1, what)
+    if head.may_own and not head.owners:
+        head.owners = owners_in_blocks(islice(lines.numbered(), head.n_lines, None), head)
     if head.owners and lines.is_sampled:
         raise FormatError(path, head.n_lines, "rows of several people or points take turns, of which no sample tells")
     if not head.bodies and head.notices:

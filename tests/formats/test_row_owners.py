@@ -26,6 +26,38 @@ def test_who_is_tracked_may_be_told_by_other_titles(put, title):
     assert read_take(put("two.csv", PEOPLE.replace("BodyID", title) + rows((7, 8)))).n_markers == 4
 
 
+def test_people_whose_rows_stand_in_blocks_are_one_frame_of_all(put):
+    """Trackers of rooms write all of one person, then the next, in more rows than are looked through for titles."""
+    text = PEOPLE.replace("time", "frame")
+    text += "".join(f"{frame},{who},{who},2,{frame},4,5,{who}\n" for who in (7, 8) for frame in range(50))
+    take = read_take(put("blocks.csv", text))
+    assert (take.names, take.n_frames) == (("7_knee", "7_toe", "8_knee", "8_toe"), 50)
+    assert "rows of one stand before those of the next; those of the same moment are one frame" in take.notices
+    np.testing.assert_allclose(take.positions[9, :, 2] / 1000, [9, 7, 9, 8])
+
+
+def test_transforms_of_ros_are_told_apart_behind_their_paths(put):
+    """As a script writes the rows of /tf: two bodies in turn, seen at the same nanoseconds."""
+    parts = ("translation.x", "translation.y", "translation.z", *(f"rotation.{one}" for one in "xyzw"))
+    paths = ",".join(f"field.transform.{part}" for part in parts)
+    text = f"%time,field.header.seq,field.header.frame_id,field.child_frame_id,{paths}\n"
+    text += "".join(
+        f"{1500000000000000000 + 10000000 * frame},{frame},/world,{name},{frame},{at},3,0,0,0.6,0.8\n"
+        for frame in range(4)
+        for at, name in enumerate(("cart", "wand"))
+    )
+    poses = read_take(put("tf.csv", text))
+    assert (poses.names, poses.n_frames, poses.rate) == (("cart", "wand"), 4, pytest.approx(100.0))
+    np.testing.assert_allclose(poses.world_from_body[3, :, :3, 3] / 1000, [[3, 0, 3], [3, 1, 3]])
+    np.testing.assert_allclose(poses.world_from_body[..., 0, 0], 0.28)
+
+
+def test_a_track_that_follows_another_is_no_second_person(put):
+    text = PEOPLE.replace("time", "frame").replace("BodyID", "track_id")
+    text += "".join(f"{frame},{7 + frame // 40},1,2,{frame},4,5,6\n" for frame in range(80))
+    assert read_take(put("tracks.csv", text)).names == ("knee", "toe")
+
+
 def test_names_of_coordinates_are_no_frames(put):
     """A recorder of Quest: every row has a list and the name of its coordinates, left_frame_id."""
     text = PEOPLE.replace("BodyID", "landmarks,left_frame_id")
