@@ -22,7 +22,7 @@ from skelgen_formats.time_stamps import Stamps
 from skelgen_formats.title_lines import Head
 
 _MOST_TIMES, _FREE_NUMBERS = 16, 1 << 22  # numbers that frames may have beside those that are listed
-_SHARED = 0.5  # of the moments of the shorter of two blocks, that the other one has as well, at least
+_COMPARED, _SHARED = 2, 0.5  # owners in blocks, and which part of the shorter one's moments both have, at least
 
 
 @dataclass
@@ -98,7 +98,7 @@ class Turns:
 def owners_in_blocks(numbered: Iterable[tuple[int, str]], head: Head) -> list[int]:
     """Return the column that says whose row it is, where all rows of one stand before those of the next.
 
-    They are of people seen together if the first two have frames or times in common; none if it is not so.
+    They are of people seen together if the first two have most frames or times in common; none if it is not so.
 
     Parameters
     ----------
@@ -107,23 +107,23 @@ def owners_in_blocks(numbered: Iterable[tuple[int, str]], head: Head) -> list[in
     head : Head
         Of the table; gets a notice where it is so.
     """
-    if head.owners or head.counts is None or not (columns := [at for at in head.may_own if at != head.counts]):
+    counts, blocks = head.counts, {at: dict[str, list[str]]() for at in head.may_own if at != head.counts}
+    if counts is None or not blocks:
         return []
-    blocks: list[dict[str, list[str]]] = [{} for _ in columns]
     for _, line in numbered:
-        cells = [cell.strip() for cell in line.split(head.delimiter)]
-        for at, block in zip(columns, blocks, strict=True):
-            if max(at, head.counts) < len(cells) and cells[at]:
-                block.setdefault(cells[at], []).append(cells[head.counts])
-    found = [at for at, block in zip(columns, blocks, strict=True) if _are_together([*block.values()])][:1]
+        cells = line.split(head.delimiter)
+        for at, block in blocks.items():
+            owner = cells[at].strip() if max(at, counts) < len(cells) else ""
+            if owner in block or (owner and len(block) < _COMPARED):
+                block.setdefault(owner, []).append(cells[counts].strip())
+    found = [at for at, block in blocks.items() if len(block) == _COMPARED and _are_together(*block.values())][:1]
     if found:
         head.notices.append("rows of one stand before those of the next; those of the same moment are one frame")
     return found
 
 
-def _are_together(blocks: Sequence[Sequence[str]]) -> bool:
-    """Whether each of the first two owners has some rows, each at its own moment, and they share most of these."""
-    first, second = [*blocks, (), ()][:2]
+def _are_together(first: Sequence[str], second: Sequence[str]) -> bool:
+    """Whether two owners have some rows, each at its own moment, and share most of these."""
     fewest = min(len(first), len(second))
     are_apart = len({*first}) == len(first) and len({*second}) == len(second)
     return are_apart and fewest > 1 and len({*first} & {*second}) >= _SHARED * fewest

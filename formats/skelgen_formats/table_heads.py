@@ -252,8 +252,9 @@ def _read_rows(head: Head, every: list[list[str]]) -> None:
                 del body.flags[at]
     if head.frames is not None and not all(is_number(row[head.frames]) for row in rows[:1] if head.frames < len(row)):
         head.frames = None  # ROS has frame_id, of coordinates
-    head.owners = _owners(head, every[head.n_lines - 1], rows)
-    head.may_own = [at for at, title in enumerate(every[head.n_lines - 1]) if _OWNER.fullmatch(title)]
+    titles = every[head.n_lines - 1]
+    head.may_own = [at for at, title in enumerate(titles) if _OWNER.fullmatch(title)]
+    head.owners = _owners(head, titles, rows)
     if head.clock is None and head.frames is None:
         taken = {column for body in head.bodies for column in body.every_column}
         free = (at for at in range(head.n_cells) if at not in taken)
@@ -278,13 +279,11 @@ def _are_times(cells: Sequence[str], *, first: bool) -> bool:
 def _owners(head: Head, titles: Sequence[str], rows: Sequence[Sequence[str]]) -> list[int]:
     """Return the columns that say whose row it is; none if rows do not take turns."""
     columns = {at: [row[at] for row in rows if at < len(row)] for at in range(len(titles))}
-    named = {at for at, title in enumerate(titles) if _OWNER.fullmatch(title) or _OWNING.fullmatch(title)}
+    named = {*head.may_own, *(at for at, title in enumerate(titles) if _OWNING.fullmatch(title))}
     words = {at for at, cells in columns.items() if not any(map(is_number, map(seconds_of, cells)))}
     frames = columns.get(-1 if head.frames is None else head.frames, [])[:2]
     differing = {at for at in words if len({*frames}) < len(frames) and len({*columns[at][:2]}) > 1}
-    recurring = {
-        at for at in named if _OWNER.fullmatch(titles[at]) and len({*columns[at]}) < len([*groupby(columns[at])])
-    }
+    recurring = {at for at in head.may_own if len({*columns[at]}) < len([*groupby(columns[at])])}
     taking_turns = differing | recurring
     return sorted((named & words if taking_turns & named else set()) or taking_turns)
 

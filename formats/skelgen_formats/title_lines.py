@@ -206,14 +206,8 @@ def under_bodies(rows: list[list[str]]) -> Head | None:
             continue
         axes = without_trailing_empty(rows[n_lines - 1])
         names, words = (_carried_on(row, axes) for row in rows[:2])
-        letters = "".join(axis.lower() for axis in axes if axis.lower() in _LETTERS)
         if n_lines == 2:
-            is_one = letters == _POSE and len({*filter(None, names)}) == 1
-            quantities = iter(["position"] * len(AXES) + ["rotation"] * len(COMPONENTS) if is_one else [])
-            are_words = len({*names} - {""}) > 1 and all(map(_QUANTITY.fullmatch, filter(None, names)))
-            told = ("body" * bool(word) for word in names) if are_words else names
-            beside = [next(quantities, "") if axis.lower() in _LETTERS else "" for axis in axes]
-            names, words = [*told], names if are_words else beside
+            names, words = _of_one_body(names, axes)
         titles = _of_quantities(names, words, axes)
         above = zip(*([*row, *[""] * len(axes)][: len(axes)] for row in rows[: n_lines - 1]), strict=True)
         titles = [title or next(filter(None, cells), "") for title, cells in zip(titles, above, strict=False)]
@@ -222,6 +216,19 @@ def under_bodies(rows: list[list[str]]) -> Head | None:
             found.n_lines = n_lines
             return found
     return None
+
+
+def _of_one_body(line: list[str], axes: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Return names, and words for place and rotation, of one line over axes that has either; no words if it has others.
+
+    Of a single name over X, Y, Z, X, Y, Z, W the axes tell the words.
+    """
+    told, lower = [*filter(None, line)], [axis.lower() for axis in axes]
+    if len({*told}) > 1 and all(map(_QUANTITY.fullmatch, told)):
+        return ["body" * bool(word) for word in line], line
+    is_one = len({*told}) == 1 and "".join(axis for axis in lower if axis in _LETTERS) == _POSE
+    words = iter(["position"] * len(AXES) + ["rotation"] * len(COMPONENTS) if is_one else [])
+    return line, [next(words, "") if axis in _LETTERS else "" for axis in lower]
 
 
 def _carried_on(row: Sequence[str], axes: Sequence[str]) -> list[str]:

@@ -87,8 +87,7 @@ def read_table(path: Path, lines: Lines, options: Options) -> Trajectories | Poi
     if head is None:
         what = "no line of titles such as name_x, name_y, name_z was found; write them over the columns"
         raise FormatError(path, 1, what)
-    if head.may_own and not head.owners:
-        head.owners = owners_in_blocks(islice(lines.numbered(), head.n_lines, None), head)
+    head.owners = head.owners or owners_in_blocks(islice(lines.numbered(), head.n_lines, None), head)
     if head.owners and lines.is_sampled:
         raise FormatError(path, head.n_lines, "rows of several people or points take turns, of which no sample tells")
     if not head.bodies and head.notices:
